@@ -24,10 +24,10 @@ G = np.array([0.0, -9.81, 0.0])
 # Rotation vector [rad] and shift [m] of the drawing, then by what a second and a metre are multiplied.
 AS_DRAWN = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 1.0, 1.0)
 OTHERS = [
-    ((0.3, 1.0, -0.5), (0.0, 0.0, 0.0), 1.0, 1.0),
     ((2.4, 0.2, 1.7), (30.0, -80.0, 5.0), 1.0, 1.0),
-    ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 7.0, 1.0),
     ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.1, 0.01),
+    ((0.3, 1.0, -0.5), (0.0, 0.0, 0.0), 1.0, 1.0),
+    ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 7.0, 1.0),
 ]
 
 
@@ -63,7 +63,7 @@ def rests(*how) -> tuple[Equilibrium, Equilibrium]:
     return solve_equilibrium(parts, Environment.orbit()), solve_equilibrium(parts, hung)
 
 
-@pytest.mark.parametrize("how", OTHERS)
+@pytest.mark.parametrize("how", repeats(OTHERS, 2))
 def test_how_it_floats_and_hangs_is_the_same_in_other_axes_and_units(how):
     R = rotation_exp(np.array(how[0]))
     for one, other in zip(rests(*AS_DRAWN), rests(*how), strict=True):
@@ -87,7 +87,7 @@ def test_a_small_article_far_away_lies_as_it_does_near(metre: float, shift: tupl
         np.testing.assert_allclose(*moved, atol=20.0 * rounding)
 
 
-@pytest.mark.parametrize("how", OTHERS)
+@pytest.mark.parametrize("how", repeats(OTHERS, 2))
 def test_shares_of_gravity_are_the_same_in_other_axes_and_units(how):
     one, other = (build_budget(*map(solve_modes, rests(*h)), 12) for h in (AS_DRAWN, how))
     np.testing.assert_allclose(how[2] * other.share_hz, one.share_hz, rtol=1e-5, atol=1e-6)

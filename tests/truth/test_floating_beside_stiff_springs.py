@@ -52,7 +52,7 @@ def _tied(seed: int, ratio: float, away: float) -> Structure:
 
 @pytest.mark.parametrize("away", [0.0, 1000.0])
 @pytest.mark.parametrize("ratio", [1.0, 1e5, 1e9, 1e12])
-@pytest.mark.parametrize("seed", repeats(range(60), 8))
+@pytest.mark.parametrize("seed", repeats(range(60), 3))
 def test_a_floating_article_has_six_modes_at_zero(seed: int, ratio: float, away: float) -> None:
     """One of them came out at 1e-4 rad/s, or growing: the rest state was refused as unstable."""
     try:

@@ -50,7 +50,7 @@ def rubbing(plant, rng, share):
 
 
 # Gains of saturated force were 10 to 60 of their deviations too small, 9 of 12 in silence.
-@pytest.mark.parametrize("soft", repeats([True, False], 2))
+@pytest.mark.parametrize("soft", repeats([True, False]))
 def test_force_that_saturates_behind_its_measurement_is_reported(soft, campaign):
     def force(u):
         return np.tanh(0.3 * u / u.std()) * u.std() if soft else np.clip(u, -2.2 * u.std(), 2.2 * u.std())

@@ -41,7 +41,7 @@ def test_a_mode_that_loses_little_of_its_motion_within_the_record_has_its_dampin
 
 
 # Before, 5 to 15 in 100 were doubted, or began at a delay that suits two phases alone and stayed there.
-@pytest.mark.parametrize("kind", repeats(KINDS, 2))
+@pytest.mark.parametrize("kind", repeats(KINDS))
 def test_modes_that_hardly_decay_within_a_record_are_fitted_without_a_doubt(kind, campaign):
     off, reported = [], []
     for seed in campaign(120, share=40):

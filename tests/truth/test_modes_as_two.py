@@ -16,6 +16,7 @@ from middeck.identification.record_fit.unneeded_modes_and_sines import tidied
 from middeck.identification.start.start import start_from_point
 from middeck.signals.ports import Port
 from middeck.signals.record import Record
+from repeats import repeats
 
 RATE_HZ, SAMPLES, OUTPUTS, ZETA = 64.0, 4096, 8, 0.02
 REAL = FitOptions(states=2, constants="real", delay=False, direct=False)
@@ -59,7 +60,7 @@ def beating(seed: int) -> Record:
     return shaken(plant, 2000, 40.0, (2.0, 18.0), noise=0.1, seed=seed)
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", repeats([1, 2]))
 def test_two_modes_whose_lack_looks_like_noise_of_forces(seed: int) -> None:
     """Noise of a tenth: one mode beside a spare one was 37 deviations off, or both were one double pole."""
     fit = fit_record(beating(seed), band_hz=(4.0, 16.0), sampled=False, states=4)

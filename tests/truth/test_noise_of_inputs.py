@@ -85,7 +85,7 @@ def test_what_does_not_repeat_in_a_force_is_its_noise(campaign):
     assert np.abs(z).max() < 4.0
 
 
-@pytest.mark.parametrize("declared", [True, False])
+@pytest.mark.parametrize("declared", repeats([False, True]))
 def test_noise_of_a_force_that_repeats_is_counted_on_the_few_lines_of_a_mode(declared, campaign):
     """The mean of four periods has noise on driven lines alone, of which a narrow mode has one or two."""
     hz, zeta, samples, rate, off = np.array([7.3, 17.5, 24.8]), np.array([0.034, 0.014, 0.01]), 512, 256.0, []

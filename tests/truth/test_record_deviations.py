@@ -35,7 +35,7 @@ def a_record(seed, *, noise, colour, samples=1000):
 # By default the held-out samples choose the weights, and choose flat ones here; it is slow, so fewer seeds.
 @pytest.mark.parametrize(
     ("weighting", "noise", "colour", "runs"),
-    repeats([("flat", 0.05, 0.9, 100), (None, 0.05, 0.9, 40), ("flat", 0.03, 0.0, 100)], 2),
+    repeats([("flat", 0.05, 0.9, 100), (None, 0.05, 0.9, 40), ("flat", 0.03, 0.0, 100)]),
 )
 def test_intervals_cover_whatever_noise_the_weights_assume(weighting, noise, colour, runs, campaign):
     z = []

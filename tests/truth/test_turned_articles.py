@@ -17,6 +17,7 @@ from middeck.structure.model.article import AttachPoint, Body, Structure
 from middeck.structure.model.environment import Environment
 from middeck.structure.modes.solve import Modes, solve_modes
 from middeck.structure.rest.equilibrium import solve_equilibrium
+from repeats import repeats
 from structure_builders import TUBE, TURNING_TUBE, body, lab, member, node, springs_above, structure
 
 PLACES = {"a": (0.0, 0.0, 0.0), "b": (0.7, 0.3, 0.0), "c": (1.5, 0.1, 0.4), "d": (0.6, -0.5, -0.3)}
@@ -80,7 +81,7 @@ def test_a_budget_follows_each_mode_to_its_own(turn):
     assert turned.match[flexible, 1, 1, 1] == pytest.approx(level.match[flexible, 1, 1, 1], abs=1e-4)
 
 
-@pytest.mark.parametrize("turn", TURNS)
+@pytest.mark.parametrize("turn", repeats(TURNS[::-1]))
 def test_a_path_ends_in_orbit_at_the_partners_of_a_comparison(turn):
     found, path = compared(turn), follow_gravity(*drawn(turn), count=16)
     partner = {j: i for i, j in found.pairs.tolist()}

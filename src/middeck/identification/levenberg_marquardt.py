@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
-import scipy.linalg
 from jaxtyping import Complex, Float
+from scipy.linalg import lapack
 
 from middeck.values import record
 
@@ -104,8 +104,5 @@ def _move(matrix: np.ndarray, right: np.ndarray) -> np.ndarray | None:
     if not (np.isfinite(matrix).all() and (square > 0.0).all()):
         return None
     size = 1.0 / np.sqrt(square)
-    try:
-        factor: Any = scipy.linalg.cho_factor(matrix * size[:, None] * size, check_finite=False)
-    except np.linalg.LinAlgError:
-        return None
-    return size * np.asarray(scipy.linalg.cho_solve(factor, size * right, check_finite=False))
+    factor, failed = cast("Any", lapack).dpotrf(matrix * size[:, None] * size, clean=False)
+    return None if failed else size * cast("Any", lapack).dpotrs(factor, size * right)[0]

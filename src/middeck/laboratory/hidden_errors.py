@@ -12,7 +12,7 @@ from middeck.structure.model.article import Body, Damping, Joint, Member, Node, 
 from middeck.structure.model.environment import Environment
 from middeck.structure.model.section import Section
 from middeck.structure.modes.solve import Modes
-from middeck.structure.plants.damping import estimate_damping
+from middeck.structure.plants.damping import ratios_by_cause
 from middeck.values import record
 
 MODES = 400  # whose damping is drawn
@@ -158,6 +158,6 @@ def spread_damping(damping: Damping, modes: Modes, drawn: np.ndarray, count: int
         raise ConfigError(
             "hidden damping is for ratios by kind of mode", where="damping", hint="leave the others out"
         )
-    zeta = estimate_damping(modes, damping, count=count).zeta * np.exp(DAMPING_SPREAD * drawn[:count])
+    zeta = ratios_by_cause(modes, damping, count=count).zeta * np.exp(DAMPING_SPREAD * drawn[:count])
     each = tuple((i, float(ratio)) for i, ratio in enumerate(zeta))
     return dataclasses.replace(damping, by_mode=each)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Complex, Float, Int
@@ -96,9 +97,10 @@ class Data:
         return w, w * self.H.mT
 
     def reweighted(self, weight: Float[np.ndarray, "output line column"]) -> Data:
-        """The same with other weights, on which no term of the transient depends."""
+        """The same with other weights, on which no term depends."""
         again = dataclasses.replace(self, weight=weight)
         again.__dict__["_drift_and_edges"] = self._drift_and_edges
+        again.__dict__["at_latest_thetas"] = self.at_latest_thetas
         if self.transient is not None:
             again.__dict__["a_sample_late"] = self.a_sample_late
         return again
@@ -118,6 +120,11 @@ class Data:
 
     @functools.cached_property
     def _drift_and_edges(self) -> dict[int, Complex[np.ndarray, "column line"]]:
+        return {}
+
+    @functools.cached_property
+    def at_latest_thetas(self) -> dict[bytes, Any]:
+        """What was computed at the latest thetas and depends on no weight (`residual_and_slopes`)."""
         return {}
 
     @property

@@ -17,14 +17,17 @@ from middeck.identification.problem.transient import (
 )
 from middeck.identification.problem.unknowns_layout import Layout, Point, unpack
 
+# A round of reweighting ends where a search did, and the next begins there: so many thetas are kept, unless
+# each has so many numbers.
+LATEST, LARGE = 3, 1e6
 
-class Terms:
-    """A model at one theta: partial fractions, and ``B`` of the transients (or no columns)."""
+
+class _OfTheta:
+    """What depends on theta and on no weight."""
 
     def __init__(self, layout: Layout, data: Data, theta: Float[np.ndarray, " unknown"]) -> None:
-        self.layout, self.data = layout, data
+        self.layout = layout
         self.point: Point = unpack(layout, theta)
-        self._delay_factors: dict[int, np.ndarray] = {}
         self.parts: Fractions = fractions(layout, self.point.poles, data.s)
         self.motion: FreeMotion | None = (
             None if data.transient is None else free_motion(self.point.poles, data)
@@ -34,28 +37,50 @@ class Terms:
             if self.motion is None
             else transient_columns(layout, self.motion, data)
         )
+        self.delay_factors: dict[int, np.ndarray] = {}
+        self.X: Complex[np.ndarray, "column line experiment"] | None = None
+        self.driven: Driven | None = None
 
     @functools.cached_property
-    def X(self) -> Complex[np.ndarray, "column line experiment"]:
-        """Columns of the model's linear unknowns, without delay; not all evaluations need them."""
-        return columns(self.layout, self.point, self.parts, self.data.s, self.data.drive, self.driven)
-
-    @functools.cached_property
-    def driven(self) -> Driven:
-        """Drive of the terms of every output, without delay."""
-        return drive_terms(self.point, self.data.drive)
-
-    @property
     def finite(self) -> bool:
         """False where a trial step has gone too far."""
         numbers = (self.parts.upper, self.parts.lower, self.point.b, self.point.delay_s, self.B)
         return all(bool(np.isfinite(x).all()) for x in numbers)
 
+
+class Terms:
+    """A model at one theta: partial fractions, and ``B`` of the transients (or no columns)."""
+
+    def __init__(
+        self, layout: Layout, data: Data, theta: Float[np.ndarray, " unknown"], known: _OfTheta | None = None
+    ) -> None:
+        self.layout, self.data = layout, data
+        self._known = _OfTheta(layout, data, theta) if known is None else known
+        self.point, self.parts = self._known.point, self._known.parts
+        self.motion, self.B = self._known.motion, self._known.B
+
+    @property
+    def X(self) -> Complex[np.ndarray, "column line experiment"]:
+        """Columns of the model's linear unknowns, without delay; not all evaluations need them."""
+        if self._known.X is None:
+            self._known.X = columns(
+                self.layout, self.point, self.parts, self.data.s, self.data.drive, self.driven
+            )
+        return self._known.X
+
+    @property
+    def driven(self) -> Driven:
+        """Drive of the terms of every output, without delay."""
+        if self._known.driven is None:
+            self._known.driven = drive_terms(self.point, self.data.drive)
+        return self._known.driven
+
     def delay_factors(self, output: int) -> Complex[np.ndarray, "line path"]:
         """exp(-s tau) of one output: for all its paths, or for each."""
-        if output not in self._delay_factors:
-            self._delay_factors[output] = np.exp(-self.data.s[:, None] * self.point.delay_s[output])
-        return self._delay_factors[output]
+        found = self._known.delay_factors
+        if output not in found:
+            found[output] = np.exp(-self.data.s[:, None] * self.point.delay_s[output])
+        return found[output]
 
     def split(
         self, linear: Float[np.ndarray, " column"]
@@ -76,7 +101,7 @@ class Terms:
     ) -> Complex[np.ndarray, "line column"]:
         """E of one output: its response or spectra, transients included."""
         x, t = self.split(linear)
-        return np.tensordot(x, self.columns(output), axes=1) + (t @ self.B).T
+        return combined(x, self.columns(output)) + (t @ self.B).T
 
     def slopes(
         self, linear: Float[np.ndarray, " column"], output: int
@@ -107,18 +132,32 @@ class Terms:
         s, drive = self.data.s, self.data.drive
         rate = -s[:, None]
         if factors.shape[1] == 1:
-            return (rate * factors * np.tensordot(x, self.X, axes=1))[None]
+            return (rate * factors * combined(x, self.X))[None]
         each = self.X if drive is None else columns(self.layout, self.point, self.parts, s)
-        path = rate * factors * np.tensordot(x, each, axes=1)
+        path = rate * factors * combined(x, each)
         drive = np.eye(self.layout.inputs)[None] if drive is None else drive
         return (path[:, :, None] * drive).swapaxes(0, 1)
 
 
+def combined(
+    x: Float[np.ndarray, " column"], columns: Complex[np.ndarray, "column line experiment"]
+) -> Complex[np.ndarray, "line experiment"]:
+    """The sum of columns, each by its own real number."""
+    # `np.tensordot` itself, less its preparations, which take as long.
+    return np.dot(x[None], columns.reshape(len(x), -1)).reshape(columns.shape[1:])
+
+
 def build_terms(layout: Layout, data: Data, theta: Float[np.ndarray, " unknown"]) -> Terms | None:
     """The terms at ``theta``; None where they are not finite, as a trial step may have it."""
-    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        terms = Terms(layout, data, theta)
-    return terms if terms.finite else None
+    latest, key = data.at_latest_thetas, theta.tobytes()
+    known = latest.get(key)
+    if known is None or known.layout is not layout:
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+            latest[key] = known = _OfTheta(layout, data, theta)
+        most = LATEST if layout.columns * data.H[0].size < LARGE else 0
+        while len(latest) > most:
+            del latest[next(iter(latest))]
+    return Terms(layout, data, theta, known) if known.finite else None
 
 
 def residual_of(

@@ -8,11 +8,9 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from middeck.identification.problem.unknowns_layout import Layout, Point
-from middeck.values import record
 
 
-@record
-class Fractions:
+class Fractions(NamedTuple):
     """1/(q - lambda) and 1/(q - conj lambda) of each mode, with d lambda / d pole."""
 
     upper: Complex[np.ndarray, "mode line"]

@@ -6,9 +6,14 @@ column (with one QR factorisation where all columns have one weight) before thos
 
 from __future__ import annotations
 
+from typing import Any, cast
+
 import numpy as np
-import scipy.linalg
 from jaxtyping import Complex, Float
+from scipy.linalg import lapack
+
+# Numbers of LAPACK's workspace for each column: more than any of its blocks has columns.
+ROOM = 64
 
 
 class TransientProjection:
@@ -35,7 +40,8 @@ class TransientProjection:
         if not self._factors:
             return as_real(rows * self._weight)
         each = [_real(rows[:, :, k] * self._weight[:, k]) for k in range(rows.shape[2])]
-        return np.hstack([x - (x @ Q) @ Q.T for x, (Q, _) in zip(each, self._factors, strict=True)])
+        left = [x - (x @ Q) @ Q.T for x, (Q, _) in zip(each, self._factors, strict=True)]
+        return left[0] if len(left) == 1 else np.hstack(left)
 
     def leverage(self) -> Float[np.ndarray, "experiment number"]:
         """Share of each real number that its transient follows, whatever it is."""
@@ -49,10 +55,7 @@ class TransientProjection:
             return np.zeros((left.shape[1], 0))
         targets = _real((left * self._weight).T)
         return np.array(
-            [
-                scipy.linalg.solve_triangular(R, Q.T @ y, check_finite=False)
-                for y, (Q, R) in zip(targets, self._factors, strict=True)
-            ]
+            [solve_triangle(R, Q.T @ y) for y, (Q, R) in zip(targets, self._factors, strict=True)]
         )
 
 
@@ -70,6 +73,16 @@ def factors(
     columns: Float[np.ndarray, "column number"],
 ) -> tuple[Float[np.ndarray, "number column"], Float[np.ndarray, "column column"]]:
     """Q and R of the columns, given as rows; ``columns`` is overwritten."""
-    # NumPy would turn them over, twice as long as the factorisation of few columns takes.
-    Q, R = scipy.linalg.qr(columns.T, mode="economic", overwrite_a=True, check_finite=False)
-    return Q, R
+    # NumPy would turn them over, twice as long as the factorisation of few columns takes; SciPy's checks take
+    # as long as it does.
+    least, room = min(columns.shape), ROOM * len(columns)
+    reflected, tau, *_ = cast("Any", lapack).dgeqrf(columns.T, lwork=room, overwrite_a=True)
+    R = np.triu(reflected[:least])
+    return cast("Any", lapack).dorgqr(reflected[:, :least], tau, lwork=room, overwrite_a=True)[0], R
+
+
+def solve_triangle(
+    R: Float[np.ndarray, "column column"], right: Float[np.ndarray, " column"]
+) -> Float[np.ndarray, " column"]:
+    """R^-1 of a right side, for R upper triangular without a zero on its diagonal."""
+    return cast("Any", lapack).dtrtrs(R.T, right, lower=1, trans=1)[0]  # as its numbers lie, without a copy

@@ -16,15 +16,19 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
-import scipy.linalg
 from jaxtyping import Complex, Float
 
 from middeck.identification.levenberg_marquardt import Step, is_positive
 from middeck.identification.problem.data import Data
 from middeck.identification.problem.gram_blocks import Functions, weigh
 from middeck.identification.problem.normal_equations import Solved, ZeroSum, solve_normal
-from middeck.identification.problem.residual_and_slopes import Terms, build_terms
-from middeck.identification.problem.transient_projection import TransientProjection, as_real, factors
+from middeck.identification.problem.residual_and_slopes import Terms, build_terms, combined
+from middeck.identification.problem.transient_projection import (
+    TransientProjection,
+    as_real,
+    factors,
+    solve_triangle,
+)
 from middeck.identification.problem.unknowns_layout import Layout
 
 T = TypeVar("T")
@@ -173,8 +177,8 @@ def _by_columns(terms: Terms, output: int) -> _ByColumns | None:
         return None
     target = own.removed(data.H[output][None])[0]
     on_columns = Q.T @ target
-    x = tied.whole(np.asarray(scipy.linalg.solve_triangular(R, on_columns, check_finite=False)) / size)
-    t = own.unknowns(data.H[output] - np.tensordot(x, X, axes=1))
+    x = tied.whole(solve_triangle(R, on_columns) / size)
+    t = own.unknowns(data.H[output] - combined(x, X))
     return _ByColumns(
         output=output,
         own=own,

@@ -20,7 +20,7 @@ from middeck.structure.model.component import WAYS
 from middeck.structure.model.connectivity import some_names
 from middeck.structure.modes.results.component_outputs import drawn_inside, motions_inside, points_inside
 from middeck.structure.modes.solve import Modes
-from middeck.structure.plants.damping import estimate_damping
+from middeck.structure.plants.damping import ratios_by_cause
 from middeck.structure.plants.sensors_and_actuators import input_rows, output_rows
 from middeck.values import record
 
@@ -176,7 +176,7 @@ def measure_modes(
     node, direction = tuple(n for n, _ in at), tuple(d for _, d in at)
     index = _chosen(modes, chosen)
     shape = np.asarray(sensor_rows(modes, node, direction) @ modes.shapes[:, index])
-    damping = estimate_damping(modes, count=int(index.max(initial=0)) + 1).zeta[index]
+    damping = ratios_by_cause(modes, count=int(index.max(initial=0)) + 1).zeta[index]
     hz = modes.frequency_hz[index]
     model = modes.equilibrium.model
     at_m = np.array([drawn_at(model, _body(model, *channel)) for channel in at]).reshape(-1, 3)

@@ -18,7 +18,7 @@ from middeck.structure.correlation.measured_modes import (
     straight_channels,
 )
 from middeck.structure.modes.solve import Modes
-from middeck.structure.plants.damping import estimate_damping
+from middeck.structure.plants.damping import ratios_by_cause
 
 ALIKE = 0.8  # assurance from which on two shapes are taken for one mode
 FEWEST = 3  # modes that must agree on a factor
@@ -171,7 +171,7 @@ def warnings_on_frequencies(
 def _damping(modes: Modes, measured: MeasuredModes, ours: np.ndarray, theirs: np.ndarray) -> list[str]:
     if len(ours) < FEWEST or not np.isfinite(measured.damping).all():
         return []
-    zeta = estimate_damping(modes, count=int(ours.max()) + 1).zeta[ours]
+    zeta = ratios_by_cause(modes, count=int(ours.max()) + 1).zeta[ours]
     ratio = np.median(measured.damping[theirs]) / max(float(np.median(zeta)), 1e-12)
     high = float(np.median(measured.damping)) > LOSS
     unit = high and abs(np.log(max(ratio, 1e-12) / PERCENT)) < np.log(4.0)

@@ -24,7 +24,7 @@ from middeck.structure.gimbals.stiffened_joint import (
 from middeck.structure.gravity.tracking import HALF_SHAPE
 from middeck.structure.model.article import Damping
 from middeck.structure.modes.solve import Modes
-from middeck.structure.plants.damping import estimate_damping
+from middeck.structure.plants.damping import ratios_by_cause
 from middeck.values import record
 
 ORDERS = (2, 3)
@@ -107,7 +107,7 @@ def sweep_amplitude(
         raise ConfigError("no element acts at the joint", where="sweep_amplitude", hint="Friction, Deadband")
     A = check_amplitudes(amplitudes)
     chosen = _chosen(modes, select)
-    bare = estimate_damping(modes, damping).zeta
+    bare = ratios_by_cause(modes, damping).zeta
     system = build_joint_system(modes, joint, bare)
     equal = sum_equivalents(elements, A)
     # Modes that do not move the joint stay as they are.

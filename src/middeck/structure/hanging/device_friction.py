@@ -21,7 +21,7 @@ from middeck.structure.assembly.places import transport
 from middeck.structure.elements.frames import points_in_world, rigid_columns
 from middeck.structure.model.article import Damping
 from middeck.structure.modes.solve import Modes
-from middeck.structure.plants.damping import estimate_damping
+from middeck.structure.plants.damping import ratios_by_cause
 from middeck.structure.rest.equilibrium import Equilibrium
 from middeck.values import record
 
@@ -159,7 +159,7 @@ def sweep_device_amplitude(
     equal = [law.describing_function(swings[:, d]) for d, law in enumerate(laws.values())]
     k, loss = np.array([e.stiffness for e in equal]).T, np.array([e.loss for e in equal]).T
     omega = float(modes.omega[index])
-    bare = float(estimate_damping(modes, damping).zeta[index]) if omega > 0.0 else 0.0
+    bare = float(ratios_by_cause(modes, damping).zeta[index]) if omega > 0.0 else 0.0
     half = bare * omega + 0.5 * float(np.array([law.viscous for law in laws.values()]) @ w**2)
     held = omega**2 + k @ w**2
     # The root above the real axis: half is small, so that the radicand lies near -held.

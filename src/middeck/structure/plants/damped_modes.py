@@ -18,7 +18,7 @@ from middeck.errors import NumericalError
 from middeck.structure.model.article import Damping
 from middeck.structure.modes.motions.strain_shares import member_deformations
 from middeck.structure.modes.solve import Modes
-from middeck.structure.plants.damping import damper_matrix, estimate_damping, find_mode, member_losses
+from middeck.structure.plants.damping import damper_matrix, find_mode, member_losses, ratios_by_cause
 from middeck.structure.rest.equilibrium import Equilibrium
 
 
@@ -59,7 +59,7 @@ def solve_damped(modes: Modes, damping: Damping | None = None, *, count: int | N
     Raises `ConfigError` as `estimate_damping`, and `NumericalError` where a mode does not oscillate any more.
     """
     damping = modes.equilibrium.model.structure.damping if damping is None else damping
-    base = estimate_damping(modes, damping, count=count).base
+    base = ratios_by_cause(modes, damping, count=count).base
     omega, shapes = modes.omega[: len(base)], modes.shapes[:, : len(base)]
     C, H = shared_losses(modes, modes.equilibrium, damping, omega, shapes)
     C = C + np.diag(2.0 * base * omega)

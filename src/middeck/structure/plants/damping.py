@@ -47,22 +47,31 @@ ROUNDING = 1e-6
 
 
 @record(kw_only=True)
-class ModalDamping:
+class RatiosByCause:
     """Damping ratios and where they come from.
 
     Attributes:
         zeta: Ratio of each mode.
         base, material, device: Parts by energy, rank or table, by loss factors, by dampers; a mode's own
             ratio is its base.
-        coupling: Largest amplitude of one mode in another that dampers cause and that is left out.
-        warnings: Coupling above `COUPLING_LIMIT`, modes that share their losses, losses above `LARGE_LOSS`,
-            rigid modes that a damper holds, names that no mode has.
     """
 
     zeta: Float[np.ndarray, " mode"]
     base: Float[np.ndarray, " mode"]
     material: Float[np.ndarray, " mode"]
     device: Float[np.ndarray, " mode"]
+
+
+@record(kw_only=True)
+class ModalDamping(RatiosByCause):
+    """Damping ratios, where they come from and what they leave out.
+
+    Attributes:
+        coupling: Largest amplitude of one mode in another that dampers cause and that is left out.
+        warnings: Coupling above `COUPLING_LIMIT`, modes that share their losses, losses above `LARGE_LOSS`,
+            rigid modes that a damper holds, names that no mode has.
+    """
+
     coupling: float
     warnings: tuple[str, ...]
 
@@ -77,18 +86,48 @@ def estimate_damping(
     """
     damping = modes.equilibrium.model.structure.damping if damping is None else damping
     count = len(modes.omega) if count is None else min(count, len(modes.omega))
+    found, parts, C = _estimate(modes, damping, count)
+    warnings = _undamped_rigid(modes, np.diag(C)) + tuple(
+        f"a damping ratio is given for mode {key!r}, which there is not here"
+        for key, _ in damping.by_mode
+        if find_mode(modes, key) is None
+    )
+    plain = np.abs(parts.sum(axis=0) - 1.0) > ROUNDING
+    warnings += _coupled_losses(modes, damping, found.base + found.material, plain)
+    warnings += _large_losses(modes, found.material)
+    coupling, i, j = _coupling(C, modes.omega[:count])
+    if coupling > COUPLING_LIMIT:
+        pair = f"{modes.name[i]!r} and {modes.name[j]!r}"
+        warnings += (f"dampers couple modes {pair} by {coupling:.2g}; modal damping leaves that out",)
+    return ModalDamping(
+        zeta=found.zeta,
+        base=found.base,
+        material=found.material,
+        device=found.device,
+        coupling=coupling,
+        warnings=warnings,
+    )
+
+
+def ratios_by_cause(
+    modes: Modes, damping: Damping | None = None, *, count: int | None = None
+) -> RatiosByCause:
+    """The ratios of `estimate_damping` without its warnings, which take longer than they."""
+    damping = modes.equilibrium.model.structure.damping if damping is None else damping
+    return _estimate(modes, damping, len(modes.omega) if count is None else min(count, len(modes.omega)))[0]
+
+
+def _estimate(modes: Modes, damping: Damping, count: int) -> tuple[RatiosByCause, np.ndarray, np.ndarray]:
+    """Ratios with their parts, shares of energy, and the matrix of dampers."""
     omega, shapes = modes.omega[:count], modes.shapes[:, :count]
     parts = base_parts(modes, damping, modes.equilibrium, omega**2, shapes)
     base = _base(modes, damping, parts)
     material = material_ratios(modes.equilibrium, damping, omega, shapes)
     C = damper_matrix(modes.equilibrium, damping, shapes)
     device = np.divide(np.diag(C), 2.0 * omega, out=np.zeros(count), where=omega > 0.0)
-    warnings = _undamped_rigid(modes, np.diag(C))
     for key, ratio in damping.by_mode:
         index = find_mode(modes, key)
-        if index is None:
-            warnings += (f"a damping ratio is given for mode {key!r}, which there is not here",)
-        elif index < count:
+        if index is not None and index < count:
             base[index], material[index], device[index] = ratio, 0.0, 0.0
     zeta = base + material + device
     worst = int(np.argmax(zeta)) if len(zeta) else 0
@@ -101,15 +140,7 @@ def estimate_damping(
             hint="a modal ratio is below 1; smaller loss factors or dampers, or a rate loop"
             + (", or an article that is farther from falling over" if near else ""),
         )
-    warnings += _coupled_losses(modes, damping, base + material, np.abs(parts.sum(axis=0) - 1.0) > ROUNDING)
-    warnings += _large_losses(modes, material)
-    coupling, i, j = _coupling(C, omega)
-    if coupling > COUPLING_LIMIT:
-        pair = f"{modes.name[i]!r} and {modes.name[j]!r}"
-        warnings += (f"dampers couple modes {pair} by {coupling:.2g}; modal damping leaves that out",)
-    return ModalDamping(
-        zeta=zeta, base=base, material=material, device=device, coupling=coupling, warnings=warnings
-    )
+    return RatiosByCause(zeta=zeta, base=base, material=material, device=device), parts, C
 
 
 def _coupled_losses(

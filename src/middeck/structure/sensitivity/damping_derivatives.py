@@ -12,13 +12,13 @@ from middeck.structure.model.article import Damping, DampingTable
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.damped_modes import shared_losses
 from middeck.structure.plants.damping import (
-    ModalDamping,
+    RatiosByCause,
     base_parts,
     base_ratios,
     damper_matrix,
-    estimate_damping,
     find_mode,
     material_ratios,
+    ratios_by_cause,
 )
 from middeck.structure.rest.equilibrium import Equilibrium
 from middeck.structure.sensitivity.parameters import ModelParameter
@@ -35,7 +35,7 @@ def differentiate_ratios(
     ``at`` is the rest state with the derivative in its imaginary parts, ``change`` that of the modes.
     """
     damping, count = modes.equilibrium.model.structure.damping, change.d_shapes.shape[1]
-    zeta = estimate_damping(modes, damping, count=count).zeta
+    zeta = ratios_by_cause(modes, damping, count=count).zeta
     omega, shapes = _moved(modes, change)
     added = material_ratios(at, at.model.structure.damping, omega, shapes).astype(complex)
     own = np.diag(damper_matrix(at, at.model.structure.damping, shapes))
@@ -95,7 +95,7 @@ def differentiate_pencil(
     """
     softer, article = soften_modes(modes, count, "derivatives of complex modes")
     changes = differentiate_shapes(softer, article, parameters, count)
-    now = estimate_damping(softer, count=count)
+    now = ratios_by_cause(softer, count=count)
     losses = np.zeros((len(parameters), count, count))
     stiffness = losses.astype(complex)
     rows = np.zeros((len(parameters), len(coordinates), count))
@@ -108,7 +108,7 @@ def differentiate_pencil(
 
 
 def _losses(
-    modes: Modes, now: ModalDamping, at: Equilibrium, change: ModeSensitivity
+    modes: Modes, now: RatiosByCause, at: Equilibrium, change: ModeSensitivity
 ) -> tuple[Float[np.ndarray, "mode mode"], Float[np.ndarray, "mode mode"]]:
     """Derivatives of C and H, see `DampedModes`; ``now`` are the ratios of ``modes``."""
     damping, (omega, shapes) = at.model.structure.damping, _moved(modes, change)

@@ -17,7 +17,7 @@ from jaxtyping import Float, Int
 
 from middeck.structure.model.article import DamperPlace
 from middeck.structure.modes.solve import Modes
-from middeck.structure.plants.damping import estimate_damping
+from middeck.structure.plants.damping import ratios_by_cause
 from middeck.updating.refinement.model_errors import OwnErrors
 from middeck.updating.residuals.surveys import Compared
 
@@ -42,7 +42,7 @@ class DampingParts(NamedTuple):
         damping = modes.equilibrium.model.structure.damping
         own = tuple(d for d in damping.dampers if d.place is not DamperPlace.DEVICE)
         alone = dataclasses.replace(damping, suspension=0.0, dampers=own)
-        found = (estimate_damping(modes, d, count=int(index.max(initial=-1)) + 1) for d in (damping, alone))
+        found = (ratios_by_cause(modes, d, count=int(index.max(initial=-1)) + 1) for d in (damping, alone))
         whole, article = (np.array([f.base + f.material, f.device])[:, index] for f in found)
         rest = whole - article
         article[0] = np.maximum(article[0], LEAST)

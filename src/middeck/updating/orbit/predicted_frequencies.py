@@ -12,7 +12,7 @@ from middeck.structure.correlation.measured_modes import seen, sensor_rows
 from middeck.structure.model.environment import Environment
 from middeck.structure.model.umbilical import floats, umbilical_point
 from middeck.structure.modes.solve import Modes
-from middeck.structure.plants.damping import estimate_damping
+from middeck.structure.plants.damping import ratios_by_cause
 from middeck.updating.orbit.predicted_damping import DampingParts, carry_damping, measured_damping
 from middeck.updating.orbit.second_order_shift import bend_of
 from middeck.updating.refinement.bayesian_estimate import BELOW, NORMAL_95
@@ -213,7 +213,7 @@ def _damping(
     """
     root, nothing = np.zeros((len(index), refined.estimate.root.shape[1])), np.zeros(len(index))
     if errors is None:
-        own, alone = estimate_damping(modes, count=int(index[-1]) + 1).zeta[index], np.ones(len(index))
+        own, alone = ratios_by_cause(modes, count=int(index[-1]) + 1).zeta[index], np.ones(len(index))
         return {"damping": own, "damping_own": alone, "damping_spread": nothing, "damping_root": root}
     ground, zeta, relative = measured_damping(errors, refined.compared)
     carried = carry_damping(share, DampingParts.of(modes, index), ground, zeta, relative)

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from middeck.structure.modes.solve import Modes
-from middeck.structure.plants.damping import estimate_damping
+from middeck.structure.plants.damping import ratios_by_cause
 from middeck.structure.plants.sensors_and_actuators import input_rows, output_rows
 from middeck.structure.sensitivity.parameters import read_parameter
 from middeck.structure.sensitivity.plant_derivatives import differentiate_plant
@@ -100,7 +100,7 @@ def transfer_of(modes: Modes, inputs: Sequence[str], outputs: Sequence[str], cou
     drive, read = input_rows(rest, inputs), output_rows(rest, outputs)
     return ModalTransfer(
         omega=modes.omega[:count],
-        zeta=estimate_damping(modes, count=count).zeta,
+        zeta=ratios_by_cause(modes, count=count).zeta,
         psi=(drive.force @ shapes).T,
         phi=read.position @ shapes,
         phi_rate=read.rate @ shapes,

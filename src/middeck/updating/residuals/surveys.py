@@ -22,7 +22,7 @@ from middeck.structure.model.connectivity import REDRAW, turned_by_redrawing
 from middeck.structure.model.environment import Environment
 from middeck.structure.model.load_case import apply_load_case
 from middeck.structure.modes.solve import Modes, solve_modes
-from middeck.structure.plants.damping import estimate_damping
+from middeck.structure.plants.damping import ratios_by_cause
 from middeck.structure.rest.equilibrium import solve_equilibrium
 from middeck.structure.sensitivity.parameters import find_parameters, set_parameter
 from middeck.updating.residuals.own_articles import OwnArticles, check_spare, own_articles
@@ -301,7 +301,7 @@ def compare_measured_response(
         survey.std,
         measured.damping,
         measured.damping_std,
-        estimate_damping(modes, count=count).zeta,
+        ratios_by_cause(modes, count=count).zeta,
     )
     return compare_response(survey.name, test, modes, poles, bound, x, open_x)
 
