@@ -189,6 +189,25 @@ def test_what_can_hardly_be_meant_is_doubted(message: str):
     ).warnings
 
 
+@pytest.mark.parametrize(
+    ("density", "E", "doubted"),
+    [
+        (1900.0, 20e9, False),  # glass in epoxy
+        (1900.0, 20e6, True),  # its E in kPa: no material
+        (2170.0, 0.45e9, False),  # PTFE
+        (2170.0, 0.45e6, True),
+        (1100.0, 2.3e9, False),  # ABS
+        (1100.0, 2.3e6, False),  # its E in kPa is that of a polyurethane rubber
+        (1500.0, 8e6, False),  # silicone with a filler
+        (930.0, 2e6, False),  # natural rubber
+    ],
+)
+def test_a_modulus_is_doubted_where_no_material_of_its_density_has_it(density, E, doubted):
+    """Moduli and densities of Ashby (2011), Materials Selection in Mechanical Design, appendix A."""
+    section = {"density": density, "EA": E * ALUMINIUM.rho_A / density}
+    assert any("is E in Pa" in text for text in summarise(simple(section=section)).warnings) is doubted
+
+
 def test_nothing_is_doubted_of_ordinary_articles():
     for parts in (
         simple(),

@@ -95,7 +95,8 @@ def response_of(found: Identified) -> FrequencyResponse:
 
 def _as_fitted(measured: FrequencyResponse, fit: FitResult) -> FrequencyResponse:
     """The measured response, without its hold if the model excludes it."""
-    return release_hold(measured) if fit.model.hold_s else measured
+    held_s = fit.model.hold_s
+    return release_hold(dataclasses.replace(measured, hold_s=held_s)) if held_s else measured
 
 
 def _fit_response(taken: Record, settings: FitSettings, seen: tuple[str, ...]) -> Identified:

@@ -19,11 +19,11 @@ from middeck.identification.fit.coupling_instead import (
     spare_modes,
     without_coupling,
 )
+from middeck.identification.fit.fit_result import FitResult, marked
 from middeck.identification.fit.fitted_model import model_of, structure_of
 from middeck.identification.fit.missing_delay import name_missing_delay
 from middeck.identification.fit.mode_trust import (
     Standing,
-    SteadyLine,
     beside_one_line,
     checked_covariance,
     standing_of,
@@ -35,6 +35,7 @@ from middeck.identification.fit.mode_trust import (
 )
 from middeck.identification.fit.modes_that_stand_for_delay import stands_for_delay
 from middeck.identification.fit.poles_beyond_the_band import PolesInstead, poles_instead, true_modes
+from middeck.identification.fit.undeclared_hold import chosen_hold
 from middeck.identification.fit.unneeded_modes import length_of, parted, tidied, without_modes
 from middeck.identification.model.fit_options import (
     OF_PATHS,
@@ -48,6 +49,7 @@ from middeck.identification.model.measurement_model import MeasurementModel, mod
 from middeck.identification.model.refused_data import check_logarithms, check_response, check_word
 from middeck.identification.model.steady_simulation import folded_modes, folded_response
 from middeck.identification.order.best_start import leaves_noise, model_error, race, spread_to_follow
+from middeck.identification.order.order_choice import description_length
 from middeck.identification.order.outside_band import choose_order
 from middeck.identification.order.recommended_order import count_unknowns
 from middeck.identification.problem.data import Data, data_of
@@ -73,14 +75,16 @@ from middeck.identification.spectra.excess_variance import (
 from middeck.identification.uncertainty.covariance import ModelCovariance, estimate_covariance
 from middeck.identification.uncertainty.lacking_terms import (
     NOTHING,
+    TOLD,
     Lacking,
+    LackingTerm,
     response_lacks,
     response_scores,
 )
 from middeck.identification.uncertainty.model_unknowns import ModelStructure
-from middeck.identification.uncertainty.parameter_deviations import ParameterDeviations, uncertainty_of
+from middeck.identification.uncertainty.parameter_deviations import uncertainty_of
 from middeck.systems.plants.response import FrequencyResponse
-from middeck.systems.sampling.zero_order_hold import release_hold
+from middeck.systems.sampling.zero_order_hold import hold_response, release_hold
 from middeck.values import record
 
 Cost = Literal["weighted", "likelihood", "logarithmic"]
@@ -94,43 +98,6 @@ class ModelAlone:
     structure: ModelStructure
     error: Float[np.ndarray, " output"]
     order_reason: str
-
-
-@record(kw_only=True)
-class FitResult:
-    """A fitted model and how good it is.
-
-    Attributes:
-        model: The measurement model.
-        cost: Mean of |weight times residual|^2: one where the model leaves what its weights expect.
-        error: Relative complex error of each output on the fitted lines, sqrt(sum |E - H|^2 / sum |H|^2).
-        excess: Standard deviation of each output's response that the model leaves beyond the measured
-            variance; zero for a model that explains its data.
-        uncertainty: Standard deviations of frequencies, damping and delays.
-        covariance: Joint covariance of all unknowns, for intervals (`parameters_of`), bounds of the response,
-            sets of models and tests of drift.
-        history: Cost of each step of the last search, in that search's weights.
-        order_reason: Why the model has the order it has.
-        warnings: Warnings in words, those of the estimated response first; empty for none.
-        standing: Whether the numbers of each mode are reliable (`Standing`); "sound" where no warning
-            concerns it; "outside" far from the band in a fit of rates is named in ``order_reason``.
-        delay_standing: The same for the delay of each output; "sound" where none was fitted.
-        lines: Sines in the outputs that no input makes, such as hum: they were fitted, and are none of the
-            modes.
-    """
-
-    model: MeasurementModel
-    cost: float
-    error: Float[np.ndarray, " output"]
-    excess: Float[np.ndarray, " output"]
-    uncertainty: ParameterDeviations
-    covariance: ModelCovariance
-    history: Float[np.ndarray, " step"]
-    order_reason: str
-    warnings: tuple[str, ...]
-    standing: tuple[Standing, ...] = ()
-    lines: tuple[SteadyLine, ...] = ()
-    delay_standing: tuple[Standing, ...] = ()
 
 
 def fit_response(
@@ -215,25 +182,52 @@ def fit_asked(measured: FrequencyResponse, asked: FitOptions, cost: Cost = "weig
 
     The hold of the inputs is divided out. A first fit gives what sampling folds back, some thousandths of the
     response at an eighth of the rate, which is subtracted before a second fit. If the order is given, the
-    second fit starts from the first, and from all other starts only if that leaves more than noise.
+    second fit starts from the first, and from all other starts only if that leaves more than noise. Commands
+    that may have been held are fitted both ways, unless the first fit tells that they were not.
     """
     hold_s = measured.hold_s
     if asked.sample_hz is not None:
         return fit_lines(measured, asked, cost)
-    if not hold_s:
-        return marked(fit_lines(measured, asked, cost), hold_s)
-    first = _searched(release_hold(measured), asked, cost)
+    if hold_s:
+        return marked(_result(_behind_hold(measured, hold_s, asked, cost)), hold_s)
+    run = _searched(measured, asked, cost)
+    fit, perhaps_s = marked(_result(run), hold_s), measured.perhaps_held_s
+    if hold_s is None and perhaps_s and cost == "weighted" and not _tells_no_hold(run, fit, perhaps_s):
+        with contextlib.suppress(FitError):
+            behind = _behind_hold(measured, perhaps_s, asked, cost)
+            hold = np.log(np.abs(hold_response(measured.frequency_hz, perhaps_s)) ** 2).sum()
+            shorter = _length(run) - _length(behind, float(hold) * measured.H[0].size)
+            return chosen_hold(fit, marked(_result(behind), perhaps_s), shorter, perhaps_s)
+    return fit
+
+
+def _behind_hold(measured: FrequencyResponse, hold_s: float, asked: FitOptions, cost: Cost) -> _Searched:
+    """The search behind the hold, less what a first model folds back."""
+    held = dataclasses.replace(measured, hold_s=hold_s)
+    first = _searched(release_hold(held), asked, cost)
     (_, model), last_hz = _causal(first), float(measured.frequency_hz[-1])
     kept = folded_modes(model, last_hz, real=structure_of(first.best.layout).real_constants)
     folded = folded_response(model, measured.frequency_hz, 1.0 / hold_s, kept)
-    alone = dataclasses.replace(measured, H=measured.H - folded)
-    return marked(_result(_searched(release_hold(alone), asked, cost, first.best)), hold_s)
+    alone = dataclasses.replace(held, H=measured.H - folded)
+    return _searched(release_hold(alone), asked, cost, first.best)
 
 
-def marked(fit: FitResult, hold_s: float | None) -> FitResult:
-    """The fit, the removed hold noted in its model."""
-    model = dataclasses.replace(fit.model, hold_s=hold_s)
-    return dataclasses.replace(fit, model=model, covariance=dataclasses.replace(fit.covariance, model=model))
+def _tells_no_hold(run: _Searched, fit: FitResult, hold_s: float) -> bool:
+    """Whether a fit without warnings has no share of a hold, by more deviations than chance."""
+    if fit.warnings:
+        return False
+    term = [LackingTerm(kind="hold", rate_hz=1.0 / hold_s)]
+    found = response_scores(term, fit.covariance, run.measured, run.followed.at(run.best.share))
+    z, share = float(found.z[0]), float(found.value[0])
+    return z != 0.0 and 1.0 - share > TOLD * abs(share / z)
+
+
+def _length(run: _Searched, scaled: float = 0.0) -> float:
+    """Description length; ``scaled`` is the logarithm of a factor that was taken out of all variances."""
+    r, spread = run.best.residual(run.data), run.spread
+    v = spread.at(excess_share(r, spread))
+    likelihood = float(np.sum(np.log(v) + np.abs(r) ** 2 / v)) + scaled
+    return description_length(likelihood, run.best.layout.unknowns, 2 * r.size, spread.alike)
 
 
 def fit_lines(measured: FrequencyResponse, asked: FitOptions, cost: Cost = "weighted") -> FitResult:

@@ -160,8 +160,8 @@ def _betters(larger: TriedOrder, smaller: TriedOrder) -> bool:
     gain = smaller.lines - larger.lines
     if np.sum(np.maximum(gain, 0.0)) >= ONE_SIDED * np.sum(np.maximum(-gain, 0.0)):
         return True
-    squares = [np.sum(t.lines**2) / np.sum(t.lines) ** 2 for t in (smaller, larger)]
-    return bool(2.0 * np.log(smaller.held_out / larger.held_out) > CLEAR * np.sqrt(sum(squares)))
+    by_chance = np.sqrt(sum(d @ d / np.sum(d) ** 2 for d in (smaller.lines, larger.lines)))
+    return bool(2.0 * np.log(smaller.held_out / larger.held_out) > CLEAR * by_chance)
 
 
 def _span(tried: Sequence[TriedOrder]) -> str:

@@ -1,4 +1,4 @@
-"""Inputs that were held though the record does not say so: the model behind the hold, and the choice."""
+"""Inputs that are commands, though the record does not say that they were held; the model behind the hold."""
 
 import dataclasses
 
@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.identification.faults.spikes import is_impact
-from middeck.identification.fit.fit_response import FitResult, marked
+from middeck.identification.fit.undeclared_hold import TO_THE_END
 from middeck.identification.model.measurement_model import MeasurementModel, natural_hz
 from middeck.signals.excitation.driven_band import driven_band
 from middeck.signals.record import Record
@@ -16,26 +16,7 @@ from middeck.signals.record import Record
 STILL, FEWEST_JUMPS, AT_REST = 0.4, 10, 0.05
 # Score of a hold from which it is tried. Share of half the rate from which inputs drive all frequencies.
 TRIED, NYQUIST = 2.0, 0.95
-# Difference of description length, of models with as many unknowns, that chance reaches in a record of 100.
-CHANCE = 6.0
-AS_HELD = "held inputs, which the record does not say, are the shorter description"
 IN_STEPS = "inputs are taken as held, as they are given in steps"
-TO_THE_END = "inputs are taken as held, as they drive all frequencies up to half the rate"
-MAYBE_HELD = (
-    f"{AS_HELD}, with doubts of its own: if they were held, half a sample period is in the delay; say in the "
-    "record whether they were"
-)
-LIKELIER = (
-    "held inputs, which the record does not say, describe it better by {by:.0f} of description length, too "
-    "few to decide: if they were held, {ms:.3g} ms, half a sample period, are in the delay, and gains are "
-    "too small at high frequencies; say in the record whether they were"
-)
-
-EITHER = (
-    "inputs that drive all frequencies up to half the rate are taken as held, but held and band-limited ones "
-    "describe the record alike: if they were band-limited, {ms:.3g} ms, half a sample period, lack in the "
-    "delay; say in the record whether they were held"
-)
 
 
 def given_as_commands(record: Record) -> str:
@@ -86,30 +67,3 @@ def without_hold(model: MeasurementModel, sample_hz: float) -> MeasurementModel:
     weaker = np.sinc(np.minimum(natural_hz(model) / sample_hz, 0.5))
     late = np.maximum(model.delay_s - 0.5 / sample_hz, 0.0)
     return dataclasses.replace(model, shapes=model.shapes / weaker, delay_s=late)
-
-
-def taken_as_held(
-    released: FitResult, held: FitResult, shorter: float, why: str, sample_hz: float
-) -> FitResult:
-    """The ``held`` fit, the ``shorter`` one, if it has no warnings; else the other one with its warnings.
-
-    Of inputs that are commands (``why``) it need not be shorter, and its warnings may be those of the other
-    one.
-    """
-    if not held.warnings or (why and len(held.warnings) <= len(released.warnings)):
-        either = (EITHER.format(ms=500.0 / sample_hz),) if why == TO_THE_END and shorter < CHANCE else ()
-        reason = f"{held.order_reason}; {why or AS_HELD}"
-        return dataclasses.replace(held, order_reason=reason, warnings=(*held.warnings, *either))
-    return _doubted(released, MAYBE_HELD)
-
-
-def perhaps_held(released: FitResult, shorter: float, sample_hz: float) -> FitResult:
-    """The fit of inputs that were not held, with a warning where held ones are shorter than by chance."""
-    if shorter < CHANCE:
-        return marked(released, None)
-    return _doubted(released, LIKELIER.format(by=shorter, ms=500.0 / sample_hz))
-
-
-def _doubted(released: FitResult, warning: str) -> FitResult:
-    found = marked(released, None)
-    return dataclasses.replace(found, warnings=(*found.warnings, warning))

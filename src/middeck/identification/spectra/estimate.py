@@ -27,6 +27,8 @@ from middeck.systems.plants.response import FrequencyResponse
 
 # A run is read as periods if it has so many, and its inputs differ between them by no more than this share.
 FEWEST_PERIODS, REPEATED = 2, 0.01
+# Share of the largest sample by which periods of commands differ.
+DIGITS = 1e-9
 # Deviations of a gain common to all lines by which noise of an input may change it before a warning.
 MOVED = 2.0
 
@@ -69,7 +71,8 @@ def estimate_response(
     variance (over periods), otherwise None; ``covariance`` belongs to it. Neighbouring lines of local models
     share data and err together: their variance is that of a line's own data, larger than the error of the
     response, which is in `response_scatter` with its degrees of freedom. The response has the hold of the
-    record's inputs in it (``hold_s``).
+    record's inputs in it (``hold_s``); where the record does not say, and the inputs are commands, a fit
+    tests it (``perhaps_held_s``).
 
     Faults that bias all lines alike (samples lost, runs joined, feedback, a long delay, experiments that
     contradict each other, a gain or a delay that changes over the periods) and noise of the inputs are warned
@@ -111,6 +114,7 @@ def estimate_response(
         variance=variance,
         covariance=covariance,
         hold_s=hold_s,
+        perhaps_held_s=1.0 / record.sample_hz if found.commanded and record.held is None else None,
         alike=None if smoothed or found.line_inverse_power is not None else INDEPENDENT,
         warnings=tuple(faults),
     )
@@ -243,9 +247,16 @@ def _scatter_of_run(record: Record, band_hz: tuple[float, float] | None) -> Resp
     if started.what:
         warnings.warn(started.what, UserWarning, stacklevel=5)
     found = scatter_of_periods(_stream(started.record), band_hz, started)
-    found = dataclasses.replace(found, warnings=(started.what,) if started.what else ())
+    found = dataclasses.replace(
+        found, warnings=(started.what,) if started.what else (), commanded=_repeats(record)
+    )
     # What is left of free motion is as often in quadrature to the response as in phase, and is no change.
     return dataclasses.replace(found, changes=tuple(warnings_on_change(started.record, found)))
+
+
+def _repeats(record: Record) -> bool:
+    """Whether all periods of the inputs are equal to the last digits."""
+    return record.u.shape[1] > 1 and float(np.ptp(record.u, axis=1).max()) <= DIGITS * np.abs(record.u).max()
 
 
 def _stream(record: Record | RecordStream) -> RecordStream:

@@ -34,6 +34,7 @@ class ResponseScatter:
             number of lines that are shared.
         warnings: How periods were corrected that were not steady.
         changes: Warnings on gains and delays that change over the periods.
+        commanded: Whether the inputs repeat to the last digits, as commands do and measured ones do not.
 
     Variances are of the complex number: real and imaginary part together.
     """
@@ -50,6 +51,7 @@ class ResponseScatter:
     line_inverse_power: Complex[np.ndarray, "line input input"] | None = None
     warnings: tuple[str, ...] = ()
     changes: tuple[str, ...] = ()
+    commanded: bool = False
 
     @property
     def distortion(self) -> Float[np.ndarray, "line output input"] | None:

@@ -23,6 +23,9 @@ LUMP = 6  # modes of a rigid body on springs
 SLENDERNESS = (0.3, 1e4)  # length over radius of gyration: a disc, a cable
 STOUT = 3.0  # the same of the median member: a tube as long as it is wide
 DENSE, SLOW = 2500.0, 500.0  # kg/m^3, m/s: what is as dense as this is stiffer than lead (1200 m/s)
+# kg/m^3, Pa: what is denser than any rubber is stiffer than this (PTFE 0.4e9; Ashby 2011, appendix A). What
+# is less dense may be one: 900 to 1850 kg/m^3 with 0.7e6 Pa or more are elastomers, bare or filled.
+FILLED_RUBBER, SOFTEST_SOLID = 1850.0, 0.3e9
 ROOM = 3.0  # sides of a body over the clear distance that its node leaves between members
 NEAR = 0.05  # of the article: nodes nearer than this only divide members more finely
 SAME = 1e-6  # of half a cube: a node this near is at the same place
@@ -289,9 +292,11 @@ def _sections(structure: Structure, of: Measures, length: np.ndarray) -> Iterato
             continue
         if section.density is not None and _outside(section.density, MATERIAL_DENSITY):
             yield f"member {name!r} is of a material of {section.density:.4g} kg/m^3: is rho in kg/m^3?"
-        heavy = section.density is not None and section.density >= DENSE
+        density = section.density or 0.0
         speed = float(np.sqrt(section.EA / section.rho_A)) if section.rho_A > 0.0 else np.nan
-        if np.isfinite(speed) and (_outside(speed, WAVE_SPEED) or (heavy and speed < SLOW)):
+        soft = density >= DENSE and speed < SLOW
+        soft = soft or (density >= FILLED_RUBBER and density * speed**2 < SOFTEST_SOLID)
+        if np.isfinite(speed) and (soft or _outside(speed, WAVE_SPEED)):
             yield (
                 f"in member {name!r} sound would travel at {speed:.3g} m/s (steel has 5000): "
                 "is E in Pa, EA in N, and mass per length in kg/m?"

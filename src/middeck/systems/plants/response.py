@@ -38,7 +38,8 @@ class FrequencyResponse:
     entry; of a smoothed estimate, that of each line's own data, so that a sum over lines counts each sample
     once; None for a computed response. ``covariance`` says also how its entries err together, where known.
     ``hold_s`` is the period over which the inputs were held, whose hold is in H; zero where there is none in
-    it, None where that is not known (`release_hold`). ``alike`` neighbouring lines show no more
+    it, None where that is not known (`release_hold`); the inputs may then have been commands that were held
+    over ``perhaps_held_s``. ``alike`` neighbouring lines show no more
     of the noise than one, as under a window: the sum of their squared correlations over all lags; one of
     whole periods, whose lines share nothing; None where that is not known, and one is taken.
     ``warnings`` are of faults that bias it and that no variance counts.
@@ -51,6 +52,7 @@ class FrequencyResponse:
     variance: Float[np.ndarray, "line output input"] | None = None
     covariance: ResponseCovariance | None = None
     hold_s: float | None = None
+    perhaps_held_s: float | None = None
     alike: float | None = None
     warnings: tuple[str, ...] = ()
 
