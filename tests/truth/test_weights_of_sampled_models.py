@@ -41,12 +41,12 @@ def test_noise_of_forces_leaves_a_residual_that_is_noise(seed):
 
 
 def gliding(seed: int) -> tuple[Record, Record]:
-    """Two halves of a record: a strong mode that glides by 2 %, and a weak one that two states leave out."""
+    """Two halves of a record: a strong mode that glides by 1 %, and a weak one that two states leave out."""
     rng = np.random.default_rng(seed)
     u = np.repeat(rng.standard_normal(SAMPLES // 4), 4)
-    glide = 1.0 + 0.02 * np.sin(2.0 * np.pi * 1.3 * np.arange(SAMPLES) / RATE_HZ)
+    glide = 1.0 + 0.01 * np.sin(2.0 * np.pi * 1.3 * np.arange(SAMPLES) / RATE_HZ)
     steady = np.ones(SAMPLES)
-    y = stepped(4.0 * glide, 0.05, u) + 0.3 * stepped(20.0 * steady, 0.01, u)
+    y = stepped(4.0 * glide, 0.05, u) + 0.15 * stepped(20.0 * steady, 0.01, u)
     y += 1e-4 * np.std(y) * rng.standard_normal(SAMPLES)
     ports = {"inputs": (Port("force", "N"),), "outputs": (Port("sensor", "m"),)}
     first, second = (
@@ -81,4 +81,4 @@ def test_samples_kept_out_choose_the_weights_where_much_is_left():
         record_nrmse(fit_record(first, states=2, sampled=True, **weights).model, second)[0]
         for weights in ({}, {"weighting": "output"})
     )
-    assert by_default < 0.5 < 0.8 < by_noise
+    assert by_default < 0.25 < 0.8 < by_noise
