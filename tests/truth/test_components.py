@@ -10,6 +10,7 @@ from reduced import bent_beam, with_component
 import middeck as md
 from middeck.cli.shown.screen import ScreenTable, without_stiffness
 from middeck.errors import ConfigError
+from middeck.files.articles.components import load_component, write_component
 from middeck.structure.assembly.energy import assemble
 from middeck.structure.assembly.environment_loads import no_loads
 from middeck.structure.assembly.mass import mass_matrix
@@ -26,6 +27,7 @@ from middeck.structure.model.component import (
     warnings_on_component,
 )
 from middeck.structure.model.finer_mesh import refine_mesh
+from middeck.structure.modes.motions.left_out_modes import estimate_reduction_error
 from middeck.structure.modes.motions.left_out_stiffness import felt_stiffness, left_out
 from middeck.structure.sensitivity.frequency_derivatives import differentiate_frequencies
 from middeck.structure.sensitivity.parameters import find_parameters, set_parameter
@@ -116,6 +118,35 @@ def test_the_error_falls_with_the_modes_kept(seed):
     assert np.all(np.diff(np.array(errors), axis=0) < 1e-9)
     assert np.abs(errors[-1]).max() < 1e-9
     assert np.abs(errors[2][:4]).max() < 1e-3 < np.abs(errors[0]).max()
+
+
+@pytest.mark.parametrize(
+    "reduction", [{"count": 2}, {"count": 6}, {"count": 2, "residual": ["m"]}, {"count": 16}]
+)
+def test_what_a_reduction_leaves_out_is_told_mode_by_mode(reduction, tmp_path):
+    """Against the whole article: a bound (nearly, with residual vectors), close where modes are low."""
+    orbit = md.Environment.orbit()
+    for seed in repeats(range(40, 50), 2):
+        whole, part = bent_beam(np.random.default_rng(seed))
+        article = with_component(whole, part, **reduction)
+        modes = md.solve_modes(md.solve_equilibrium(article, orbit), 16)
+        count = len(modes.omega)
+        true = md.solve_modes(md.solve_equilibrium(whole, orbit)).frequency_hz[6:count]
+        off = modes.frequency_hz[6:] / true - 1.0
+        (told,) = estimate_reduction_error(modes, count)
+        assert np.all(told[:6] == 0.0)
+        most = 1.2 if "residual" in reduction else 1.02
+        assert np.all(off < most * told[6:] + 1e-6)
+        # What residual vectors leave is of higher modes than the lowest left out: twice its share at most.
+        low = modes.frequency_hz[6:] < 0.3 * article.components[0].next_hz
+        assert np.all(told[6:][low] < 2.0 * off[low] + 1e-6)
+        lines = [line for line in modes.warnings if "lacks its modes" in line]
+        assert bool(lines) == bool(np.any(told[: modes.judged] > 1e-3))
+    made = article.components[0]
+    write_component(tmp_path / "part.npz", made)
+    again = dataclasses.replace(article, components=(load_component(tmp_path / "part.npz"),))
+    found = md.solve_modes(md.solve_equilibrium(again, orbit), count)
+    np.testing.assert_array_equal(estimate_reduction_error(found, count)[0], told)
 
 
 def _environments(rng):

@@ -16,7 +16,7 @@ from middeck.structure.model.component import Component, require_component, rigi
 SCHEMA = "middeck.component/1"
 # Endings of files of cards that may hold matrices, punched.
 PUNCHED = (".pch", ".dat", ".bdf", ".nas")
-OPTIONAL = ("damping", "present", "outputs", "recovery")
+OPTIONAL = ("damping", "present", "outputs", "recovery", "left_out")
 # Names by which others may have them.
 ALSO = {"K": "stiffness", "M": "mass", "B": "damping", "C": "damping"}
 # How far what a motion as one body gives may be off for an output that is a shift or a turn.
@@ -28,12 +28,13 @@ def write_component(path: str | Path, component: Component) -> None:
     """Write a component to an NPZ or MAT file, by the ending, whole or not at all.
 
     Arrays: ``stiffness``, ``mass`` (six coordinates of each grid, then modal ones; SI units), ``grids``,
-    ``positions`` [m], and where there are any ``damping``, ``present``, ``outputs`` and ``recovery``. Raises
+    ``positions`` [m], ``next_hz``, and where there are any ``damping``, ``present``, ``outputs``,
+    ``recovery`` and ``left_out``. Raises
     `ConfigError` for another ending.
     """
     path = Path(path)
     arrays: dict[str, Any] = {"schema": SCHEMA, "name": component.name, "grids": list(component.grids)}
-    arrays |= {key: getattr(component, key) for key in ("positions", "stiffness", "mass")}
+    arrays |= {key: getattr(component, key) for key in ("positions", "stiffness", "mass", "next_hz")}
     arrays |= {
         key: value for key in OPTIONAL if (value := getattr(component, key)) is not None and len(value)
     }
@@ -82,6 +83,8 @@ def load_component(path: str | Path) -> Component:
                 present=_real(arrays, "present") != 0.0 if "present" in arrays else None,
                 outputs=_names(arrays.get("outputs", [])),
                 recovery=_real(arrays, "recovery") if "recovery" in arrays else None,
+                next_hz=float(np.ravel(arrays.get("next_hz", np.inf))[0]),
+                left_out=_real(arrays, "left_out") if "left_out" in arrays else None,
             )
         )
     except ConfigError as error:
@@ -179,7 +182,7 @@ def _in_si(part: Component, text: str, kinds: Sequence[str]) -> Component:
             where=f"component {part.name!r}",
             hint=f"an array kinds in its file, one text an output of {', '.join(sizes)}; or a file in SI",
         )
-    out = np.array([sizes[kind] for kind in found])
+    out, cut = np.array([sizes[kind] for kind in found]), part.left_out
     return dataclasses.replace(
         part,
         positions=units.length * part.positions,
@@ -187,6 +190,8 @@ def _in_si(part: Component, text: str, kinds: Sequence[str]) -> Component:
         mass=energy * units.time**2 * part.mass,
         damping=None if part.damping is None else energy * units.time * part.damping,
         recovery=None if part.recovery is None else np.outer(out, step) * part.recovery,
+        next_hz=part.next_hz / units.time,
+        left_out=None if cut is None else (energy * units.time**4)[: len(cut), : len(cut)] * cut,
     )
 
 

@@ -59,6 +59,10 @@ class Component:
         damping: Viscous damping in the same coordinates, None for none.
         present: Whether the component has each of a grid's six coordinates; absent ones have zeros.
         outputs, recovery: Names of further results and their rows: results per coordinate.
+        next_hz: Lowest frequency, with the boundary held, of the modes that the reduction left out; infinite
+            where there are none, or none are known of.
+        left_out: Sum over these of L L' / omega^2, where the acceleration of the first coordinates (of all
+            others none) excites them by L; None where it is not known.
     """
 
     name: str
@@ -73,6 +77,8 @@ class Component:
     present: Bool[np.ndarray, "grid 6"] | None = None
     outputs: tuple[str, ...] = ()
     recovery: Float[np.ndarray, "output n"] | None = None
+    next_hz: float = np.inf
+    left_out: Float[np.ndarray, "first first"] | None = None
 
     @property
     def modal(self) -> int:

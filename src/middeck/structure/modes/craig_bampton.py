@@ -114,7 +114,7 @@ def reduce_structure(
     motions, own = _independent(held, rows)
     in_world = transport(held.config, held.model.tree)
     loaded = (in_world @ motions)[of_nodes(residual)]
-    columns, kept = _basis(held, motions, _as_body(held)[own], len(rows), loaded, count, upto_hz)
+    columns, cut, kept = _basis(held, motions, _as_body(held)[own], len(rows), loaded, count, upto_hz)
     inner = motions @ columns
     mass = inner.T @ (carried_mass(*held) @ inner)
     component = Component(
@@ -126,6 +126,8 @@ def reduce_structure(
         mass=0.5 * (mass + mass.T),
         outputs=tuple(f"{node} {way}" for node in recover for way in WAYS),
         recovery=(in_world @ inner)[of_nodes(recover)] if recover else None,
+        next_hz=kept[-1],
+        left_out=0.5 * (cut + cut.T) if np.isfinite(kept[-1]) else None,
     )
     return Reduced(require_component(component), *kept)
 
@@ -216,14 +218,14 @@ def _basis(
     loaded: sp.csr_array,
     count: int | None,
     upto_hz: float | None,
-) -> tuple[np.ndarray, tuple[np.ndarray, int, float]]:
+) -> tuple[np.ndarray, np.ndarray, tuple[np.ndarray, int, float]]:
     """Static motions and interior vectors in the coordinates of ``motions``, those of the ``boundary`` first;
-    fixed frequencies, how many residuals, and the next frequency. ``as_body`` are motions as one body in
-    these, ``loaded`` what residuals load."""
+    what it lacks of modes left out (`Component.left_out`); fixed frequencies, how many residuals, and the
+    next frequency. ``as_body`` are motions as one body in these, ``loaded`` what residuals load."""
     whole = assemble_carried(*held).tangent, carried_mass(*held)
     K, M = (sp.csr_array(motions.T @ A @ motions) for A in whole)
     if order(K) == boundary:
-        return np.eye(boundary), (np.zeros(0), 0, np.inf)
+        return np.eye(boundary), np.zeros((boundary, boundary)), (np.zeros(0), 0, np.inf)
     Kii, Mii = (sp.csr_array(A[boundary:][:, boundary:]) for A in (K, M))
     pairs, kept, above = _fixed_modes(held, Kii, Mii, count, upto_hz)
     factor = positive_factor(Kii)
@@ -241,7 +243,12 @@ def _basis(
     lam, shapes = pairs.lam[:kept], pairs.shapes[:, :kept]
     chi = _residuals(factor, lam, shapes, loaded[:, boundary:].toarray().T)
     vectors, added = _modal_form(Kii, Mii, shapes, chi)
-    return _columns(psi, vectors), (np.sqrt(lam) / (2.0 * np.pi), added, above)
+    # What acceleration of the boundary does inside, at rest, less the share of the vectors that are kept.
+    excited = M[boundary:][:, :boundary].toarray() + Mii @ psi
+    by_kept = vectors.T @ excited
+    k = np.einsum("im,im->m", vectors, Kii @ vectors)
+    cut = excited.T @ factor.solve(excited) - (by_kept.T / k) @ by_kept
+    return _columns(psi, vectors), cut, (np.sqrt(lam) / (2.0 * np.pi), added, above)
 
 
 def _columns(psi: np.ndarray, vectors: np.ndarray) -> np.ndarray:

@@ -27,6 +27,7 @@ from middeck.structure.modes.lost_loose_or_buckled import (
     where_lost,
 )
 from middeck.structure.modes.mesh_error import mesh_warnings
+from middeck.structure.modes.motions.left_out_modes import reduction_warnings
 from middeck.structure.modes.motions.left_out_stiffness import component_warnings
 from middeck.structure.modes.motions.rigid_motions import rigid_basis
 from middeck.structure.modes.names.kinds import find_kinds, kind_warnings
@@ -60,7 +61,7 @@ class Modes:
             that was kept (over 1 rad^2/s^2 where none was).
         stated_warnings: Nodes that turned far from their drawn attitude; loose motions; modes of undecided
             kind.
-        judged: Number of the lowest frequencies whose error by the mesh is among the `warnings`.
+        judged: Number of the lowest frequencies whose error by mesh and reductions is among the `warnings`.
         stated_name: Name of each mode, where it is no mode of ``equilibrium`` itself.
     """
 
@@ -93,8 +94,9 @@ class Modes:
 
     @functools.cached_property
     def warnings(self) -> tuple[str, ...]:
-        """The stated warnings, then those of a coarse mesh: computed when first read."""
-        return (*self.stated_warnings, *mesh_warnings(self, self.judged))
+        """The stated warnings, then those of a coarse mesh and of reductions: computed when first read."""
+        judged = self.judged
+        return (*self.stated_warnings, *mesh_warnings(self, judged), *reduction_warnings(self, judged))
 
 
 def solve_modes(equilibrium: Equilibrium, count: int | None = None, *, standstill: bool = False) -> Modes:
