@@ -66,6 +66,9 @@ QUICKER = {
     "docs/how-to/promise-what-will-happen.md": [("draws=20", "draws=6")],
     "docs/how-to/put-a-law-on-a-computer.md": [("_s=2.0", "_s=1.0")],
     "docs/how-to/qualify-a-compensator.md": [(f"{BOTH} --rate", f"{BOTH} --count 12 --rate")],
+    "docs/how-to/test-on-the-simulated-rig.md": [
+        ("uncertainty=drift)", "uncertainty=drift, tolerance=1e-3)")
+    ],
     "docs/how-to/refine-on-ground-tests.md": [
         (f"{SURVEY} --environment lab", f"{SURVEY} --environment lab --runs 50")
     ],

@@ -21,6 +21,7 @@ from repeats import LONG, repeats
 
 NAMES = [chapter.name for chapter in CHAPTERS]
 STUDY = ROOT / "studies/mace-1993.toml"
+COARSE = () if LONG else ("--set", "mesh.elements_per_strut=2")
 Capture = pytest.CaptureFixture[str]
 
 
@@ -57,7 +58,11 @@ def interrupted(out: Path, number: int, *, after: str | float) -> tuple[int, str
     Returns exit code and stderr.
     """
     process = subprocess.Popen(
-        script("study", STUDY, "-o", out), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=ROOT
+        script("study", STUDY, "-o", out, *COARSE),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        cwd=ROOT,
     )
     assert process.stderr is not None
     message = ""

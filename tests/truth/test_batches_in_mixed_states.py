@@ -44,7 +44,7 @@ def _optimal(rng: np.random.Generator) -> tuple[StateSpace, StateSpace]:
 def test_no_verdict_on_many_loops_is_silently_wrong(campaign) -> None:
     """At 1e8 fifteen of eighty were. An rms is not wrong by more than ten times the error that it states."""
     known = warned = 0
-    for seed in campaign(80, share=10):
+    for seed in campaign(80):
         rng = np.random.default_rng([79, seed])
         plant, law = _loop(rng, free=0)
         for halves in ((plant.continuous, law.system), (plant.continuous, _lags(rng)), _optimal(rng)):

@@ -21,6 +21,7 @@ from middeck.updating.refinement.refine import Refined, refine
 from middeck.updating.residuals.damping_rows import shifted_by_losses
 from middeck.updating.residuals.surveys import Survey
 from middeck.updating.unknowns.unknowns import Unknown
+from repeats import repeats
 
 # A payload that hangs from a clamped point by two sprung axes with unlike dampers: a pendulum of two angles.
 INERTIA, ARM, MASS = np.array([[0.5, 0.2], [0.2, 0.4]]), 0.2, 3.0
@@ -104,7 +105,7 @@ def test_a_clamped_article_of_unlike_modes_keeps_its_losses(factor: float):
     assert told(Damping(dampers=dampers), ground).damping == pytest.approx(orbit, rel=0.005)
 
 
-@pytest.mark.parametrize("ratios_of_both", [(0.01, 0.03), (0.016, 0.004)])
+@pytest.mark.parametrize("ratios_of_both", repeats([(0.01, 0.03), (0.016, 0.004)]))
 def test_losses_of_the_weight_stay_on_the_ground(ratios_of_both: tuple[float, float]):
     """Springs and weight lose unlike shares of what the model says: 95 % intervals hold, and are not wide.
 

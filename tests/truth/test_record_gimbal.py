@@ -14,7 +14,7 @@ def test_one_random_record_of_the_gimbal(campaign):
     truth = gimbal_record.response(gimbal_record.SCORED_HZ)
     errors, delays = [], []
     shorter = 1 if LONG else 4  # with less noise, so that it says as much
-    for seed in campaign(20, 10):
+    for seed in campaign(20, 6):
         record = gimbal_record.random_record(seed, samples=49152 // shorter, noise=0.01 / np.sqrt(shorter))
         model = fit_record(record, states=10, band_hz=(0.1, 60.0)).model
         errors.append(gimbal_record.complex_error(model_response(model, gimbal_record.SCORED_HZ), truth))

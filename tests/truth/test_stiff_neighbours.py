@@ -69,7 +69,7 @@ def slope(at: Callable[[float], np.ndarray], h: float = 1e-3) -> np.ndarray:
     return (8.0 * near - wide) / (6.0 * h)
 
 
-@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("seed", repeats(SEEDS))
 def test_derivatives_beside_a_link_of_any_stiffness(seed: int):
     """Against differences of the solution by hand; from 1e4 to 1e18 times the springs, none refused."""
     rng = np.random.default_rng(seed)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from jaxtyping import Complex, Float
 
@@ -23,14 +25,30 @@ def slider_torque(
     >>> slider_torque(angle, np.array([2.0])).ravel().tolist()
     [0.5, 1.0, -0.5, -1.0]
     """
-    low, high = angle - slip_angle, angle + slip_angle
-    stands, out = np.zeros(angle.shape[1]), np.empty_like(angle)
-    for _ in range(LAPS):
-        for a, b, kept in zip(low, high, out, strict=True):
-            np.maximum(stands, a, out=stands)
-            np.minimum(stands, b, out=stands)
-            kept[:] = stands
-    return (angle - out) / slip_angle
+    return (angle - _stands(angle - slip_angle, angle + slip_angle)) / slip_angle
+
+
+def _stands(
+    low: Float[np.ndarray, "sample series"], high: Float[np.ndarray, "sample series"]
+) -> Float[np.ndarray, "sample series"]:
+    """Where the sliders stand, each moved by its bounds alone.
+
+    What two pairs of bounds do in turn, one pair does too. So bounds are joined within blocks, all blocks at
+    once, and the sliders go from block to block.
+    """
+    count, series = low.shape
+    size = math.isqrt(count - 1) + 1
+    blocks = -(-count // size)
+    last = np.full((blocks * size - count, series), np.inf)
+    low, high = (np.concatenate(x).reshape(blocks, size, series) for x in ((low, -last), (high, last)))
+    for k in range(1, size):
+        own = low[:, k].copy(), high[:, k].copy()
+        low[:, k], high[:, k] = (np.clip(x[:, k - 1], *own) for x in (low, high))
+    begins, stands = np.empty((blocks, 1, series)), np.zeros(series)
+    for block in np.tile(np.arange(blocks), LAPS):
+        begins[block] = stands
+        stands = np.clip(stands, low[block, -1], high[block, -1])
+    return np.clip(begins, low, high).reshape(-1, series)[:count]
 
 
 @frozen(kw_only=True)

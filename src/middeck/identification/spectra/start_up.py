@@ -289,7 +289,9 @@ def _step(theta: np.ndarray, target: np.ndarray, below: float) -> Step | None:
     poles, half = _poles(theta), len(theta) // 2
     if np.real(poles).min() < -np.pi:
         return None
-    basis = _centred(_basis(poles, len(target)))
+    n = np.arange(len(target))[:, None]
+    motion = np.exp(poles * n)
+    basis = _centred(np.concatenate([motion.real, -motion.imag], axis=1))
     Q, R = np.linalg.qr(basis)
     size = np.abs(np.diag(R))
     if not np.isfinite(basis).all() or size.min() <= SAME * size.max():
@@ -299,8 +301,7 @@ def _step(theta: np.ndarray, target: np.ndarray, below: float) -> Step | None:
     cost = 0.5 * float(np.sum(left**2))
     if not cost < below:
         return None
-    n = np.arange(len(target))[:, None]
-    motion = np.exp(poles * n) * n
+    motion *= n
     rows = np.empty((2 * half, target.size))
     for m in range(half):
         # Slopes of a Re(e) - b Im(e), e = exp(p n): each derivative by p multiplies e by n.
