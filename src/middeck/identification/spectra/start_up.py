@@ -9,6 +9,9 @@ that explains most of it, and refined together (variable projection, Golub and P
 description length falls (Rissanen 1978). If the motion dies out early, the first periods are cut off;
 otherwise it is subtracted, and its uncertainty is added to the variance of the average.
 
+Steady forces that shake the article leave motion of its own, too, which is taken out alike: it is likelier as
+noise where it fades in reversed time as well, and is then no transient in words.
+
 A ramp, as of a sensor that warms up, adds a constant to that difference, by which it is found. In each period
 it is the same sawtooth, so that no scatter between periods shows what it adds to all lines.
 """
@@ -33,6 +36,9 @@ DECAYS = (0.3, 1.0, 3.0, 10.0, 30.0, 100.0)
 # What each unknown costs beyond half of ln n. The largest of n lines of noise stands ln n above their mean,
 # of differences over a period twice that, and noise that is coloured has peaks of its own.
 DEAR = 6.0
+# Turns below which a motion is too slow for one of an article that forces shake; and how much more than the
+# best in the reversed record does a motion must bring to be told as a transient.
+SLOW, BACK = 2.0, 3.0
 # Lines to either side of a motion's own that its noise is seen on.
 AROUND = 10
 # A period is steady where no line of the motion left in it has more than this share of the power of noise.
@@ -54,7 +60,7 @@ class StartUp:
 
     Attributes:
         record: The steady periods, or all of them without the free motion.
-        what: Finding and correction in words; empty for a steady record.
+        what: Finding and correction in words; empty for a steady record, forces that shake it included.
         unknown: Covariance, per unit of that of the periods' differences, that the motion taken out adds to
             each line of an average of periods; that of a ramp as well.
         spread: Covariance of the differences' samples, of all outputs.
@@ -93,12 +99,15 @@ def _steadied(taken: Record) -> StartUp:
     z = _differences(taken.y)
     size = np.sqrt(np.mean(np.var(z, axis=1), axis=0))
     size = np.where(size > 0.0, size, 1.0)  # an output that repeats to the digit
-    poles, left = _motions(_columns((z - z.mean(axis=1, keepdims=True)) / size))
+    poles, left, is_free = _motions(_columns((z - z.mean(axis=1, keepdims=True)) / size))
     own = left.reshape(-1, outputs) * size
     y, drifts, unknown = _without_ramps(taken.y, taken.outputs, poles)
     taken = taken if y is taken.y else dataclasses.replace(taken, y=y)
     steady = StartUp(taken, _joined(told, drifts), unknown, own.T @ own / len(own))
-    return _without_motion(steady, poles, size) if len(poles) else steady
+    if not len(poles):
+        return steady
+    found = _without_motion(steady, poles, size)
+    return found if is_free else dataclasses.replace(found, what=steady.what)
 
 
 def _without_motion(
@@ -191,9 +200,14 @@ def _steady_from(
     return int(counts[-1]) + 1 if len(counts) else 0
 
 
-def _motions(target: Float[np.ndarray, "sample column"]) -> tuple[Complex[np.ndarray, " pole"], np.ndarray]:
-    """Poles [1/sample] of the free motion in ``target``, and the residual."""
-    theta, left = np.zeros(0), target
+def _motions(
+    target: Float[np.ndarray, "sample column"],
+) -> tuple[Complex[np.ndarray, " pole"], np.ndarray, bool]:
+    """Poles [1/sample] of the free motion in ``target``, the residual, and whether forces are no cause.
+
+    What steady forces shake is as likely in reversed time; free motion grows in it.
+    """
+    theta, left, is_free = np.zeros(0), target, False
     cost = (2.0 + 2.0 * target.shape[1]) * (0.5 * np.log(target.size) + DEAR)
     while len(theta) < 2 * MOST_MOTIONS and 4 * len(theta) < len(target):
         new = _strongest(left)
@@ -202,22 +216,35 @@ def _motions(target: Float[np.ndarray, "sample column"]) -> tuple[Complex[np.nda
         if more is None:
             break
         rest = _rest(more, target)
-        if not _gain(left, rest, np.exp(new[0]), new[1]) > cost:
+        gain = _gain(left, rest, np.exp(new[0]), new[1]) - cost
+        if not gain > 0.0:
             break
+        is_free = is_free or _turns(new[1], left) < SLOW or gain > BACK * _backwards(left)
         theta, left = more, rest
-    return _poles(theta), left
+    return _poles(theta), left, is_free
+
+
+def _turns(omega: float, left: Float[np.ndarray, "sample column"]) -> float:
+    return omega * len(left) / (2.0 * np.pi)
+
+
+def _backwards(left: Float[np.ndarray, "sample column"]) -> float:
+    """Log likelihood that the best motion brings in reversed time."""
+    back = left[::-1]
+    new = _strongest(back)
+    more = _refined(np.array(new), back)
+    return 0.0 if more is None else _gain(back, _rest(more, back), np.exp(new[0]), new[1])
 
 
 def _gain(before: np.ndarray, after: np.ndarray, sigma: float, omega: float) -> float:
     """Log likelihood that a motion brings, by the noise that is left on the lines around it.
 
-    Forces that shake the article move it at its own frequencies too, but no single decay explains that. The
-    bias of a gyro walks: noise may grow towards rest as 1/f^2, and what is left on faster lines counts for so
-    much more.
+    Forces that shake the article move it at its own frequencies too: `_motions` tells. The bias of a gyro
+    walks: noise may grow towards rest as 1/f^2, and what is left on faster lines counts for so much more.
     """
     count = len(after)
     half = AROUND + int(2.0 * sigma * count / np.pi)
-    level = _level(after, round(omega * count / (2.0 * np.pi)), half)
+    level = _level(after, round(_turns(omega, after)), half)
     return float(np.sum((np.sum(before**2, axis=0) - np.sum(after**2, axis=0)) / (2.0 * level)))
 
 
