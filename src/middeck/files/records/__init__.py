@@ -183,7 +183,7 @@ def write_response(path: str | Path, response: FrequencyResponse, *, ascii: bool
     """Write the frequency responses as data sets 58b (58 if ``ascii``) of a universal file, type 4.
 
     Every digit is kept but in ASCII: 13 of the response, and 7 of frequencies that are not evenly spaced. The
-    variance is not, as the format has no place for it, nor for warnings, nor, where a line of text is full, for
+    variance is not, as the format has no place for it, nor for warnings, nor, if a line of text is full, for
     a hold of the inputs: what would be read again without them is warned of. Raises `DataError` for another
     ending, a name or unit that is too long, or values that are not finite.
     """
