@@ -13,7 +13,7 @@ import middeck as md
 from cli_runner import middeck
 from coarse_articles import coarse
 from middeck.errors import ConfigError, DataError
-from middeck.files.records import write_response
+from middeck.files.records import load_response, write_response
 from middeck.files.refinements.documents import load_refinement
 from middeck.files.setups import load_setup
 from middeck.signals.ports import Port
@@ -119,12 +119,19 @@ def test_a_loop_without_a_response_is_refused(folder: Path, capfd: pytest.Captur
 
 
 def test_what_a_universal_file_does_not_keep_is_told(tmp_path: Path) -> None:
-    """Read again, a held response has its hold in the delay, and one with a bias is sound."""
+    """Read again, one with a bias is sound; a hold, without which half a period is in the delay, is kept."""
     f = np.arange(1.0, 9.0)
     port = (Port("u", "V"),)
     response = FrequencyResponse(frequency_hz=f, H=np.ones((8, 1, 1), complex), inputs=port, outputs=port)
     write_response(tmp_path / "plain.unv", response)
-    with pytest.warns(UserWarning, match=r"inputs were held.* set hold_s=0.01 "):
-        write_response(tmp_path / "held.unv", dataclasses.replace(response, hold_s=0.01))
+    for known in ({"hold_s": 0.01}, {"hold_s": 0.0}, {"perhaps_held_s": 1.0 / 1024.0}, {}):
+        held = dataclasses.replace(response, **known, frequency_hz=f / 3.0)
+        write_response(tmp_path / "held.unv", held)
+        read = load_response(tmp_path / "held.unv")
+        assert (read.hold_s, read.perhaps_held_s) == (held.hold_s, held.perhaps_held_s)
+    odd = dataclasses.replace(response, hold_s=1.0 / 1023.4567891, frequency_hz=f / 3.0 + 0.0123456789012)
+    with pytest.warns(UserWarning, match=r"inputs were held.* set hold_s=0.0009"):
+        write_response(tmp_path / "held.unv", odd)
+    assert np.allclose(load_response(tmp_path / "held.unv").frequency_hz, odd.frequency_hz, rtol=1e-15)
     with pytest.warns(UserWarning, match="does not keep a warning on the response: it clips"):
         write_response(tmp_path / "wrong.unv", dataclasses.replace(response, warnings=("it clips",)))

@@ -183,9 +183,9 @@ def write_response(path: str | Path, response: FrequencyResponse, *, ascii: bool
     """Write the frequency responses as data sets 58b (58 if ``ascii``) of a universal file, type 4.
 
     Every digit is kept but in ASCII: 13 of the response, and 7 of frequencies that are not evenly spaced. The
-    variance is not, as the format has no place for it, nor for a hold of the inputs and for warnings: what
-    would be read again without them is warned of. Raises `DataError` for another ending, a name or unit that
-    is too long, or values that are not finite.
+    variance is not, as the format has no place for it, nor for warnings, nor, if a line of text is full, for
+    a hold of the inputs: what would be read again without them is warned of. Raises `DataError` for another
+    ending, a name or unit that is too long, or values that are not finite.
     """
     from middeck.files.records.uff import write_uff_response
 
@@ -200,8 +200,10 @@ def write_response(path: str | Path, response: FrequencyResponse, *, ascii: bool
 
 
 def _not_kept(response: FrequencyResponse) -> list[str]:
+    from middeck.files.records.uff import keeps_hold
+
     found = [f"the file does not keep a warning on the response: {what}" for what in response.warnings]
-    if response.hold_s:
+    if not keeps_hold(response):
         found.append(
             "the file does not say that the inputs were held, and a fit of it has the hold in its delay and "
             f"its gains; set hold_s={response.hold_s!r} in what is read again"

@@ -29,6 +29,7 @@ FORCE = 13  # specific data type "excitation force": what was put in
 UNITS = {8: "m", 11: "m/s", 12: "m/s^2", 9: "N", FORCE: "N", 15: "Pa", 5: "K"}
 QUANTITY = {"m": 8, "m/s": 11, "m/s^2": 12, "Pa": 15}
 OURS = "middeck 1"
+LONGEST = 80  # characters of a line of text
 # Share of a sample by which channels that were sampled together may seem to start apart.
 APART = 0.01
 WHOLE = 1 << 20
@@ -351,7 +352,16 @@ def read_response(file: Path) -> FrequencyResponse:
         _end(at, d.unit or units.get(d.quantity, ""), d.texts[4], file)
         for at, d in zip(outputs, firsts, strict=True)
     )
-    return FrequencyResponse(frequency_hz=lines[kept], H=H[kept], inputs=into, outputs=out)
+    rates = [_stated_number(firsts[0], key) for key in ("held", "maybe")]
+    hold_s, perhaps_s = (None if hz is None else 1.0 / hz for hz in rates)
+    return FrequencyResponse(
+        frequency_hz=lines[kept],
+        H=H[kept],
+        inputs=into,
+        outputs=out,
+        hold_s=hold_s,
+        perhaps_held_s=perhaps_s,
+    )
 
 
 End = tuple[Place, str]  # with the name of the port, where the file is ours
@@ -434,25 +444,45 @@ def _response(file: Path, data: Dataset) -> tuple[np.ndarray, np.ndarray]:
 def write_uff_response(path: Path, held: FrequencyResponse, *, binary: bool = True) -> None:
     """Write ``held`` as data sets 58b, or 58 in ASCII, of function type 4; its variance has no place."""
     f = held.frequency_hz
-    step = float(f[-1] - f[0]) / (len(f) - 1) if len(f) > 1 else 1.0
-    even = step > 0.0 and np.abs(f - f[0] - step * np.arange(len(f))).max() <= EVEN * f[-1]
-    more = f" first={float(f[0])!r} step={step!r}" if even else ""
+    step, ours = _even_step(f), _ours(held)
     with replacing(path) as temporary, open(temporary, "wb") as stream:
         write_count(stream, held.H[0].size)
         for o, i in np.ndindex(held.H.shape[1:]):
-            header = _response_header(held.outputs[o], held.inputs[i], more, str(path))
+            header = _response_header(held.outputs[o], held.inputs[i], ours, str(path))
             H = held.H[:, o, i]
-            if even:
+            if step is not None:
                 write_58(stream, header, float(f[0]), step, H, binary=binary)
             else:
                 rows = np.column_stack([f, np.real(H), np.imag(H)])
                 write_58(stream, header, 0.0, None, rows, binary=binary)
 
 
-def _response_header(output: Port, at: Port, more: str, where: str) -> Header:
+def _even_step(f: np.ndarray) -> float | None:
+    step = float(f[-1] - f[0]) / (len(f) - 1) if len(f) > 1 else 1.0
+    even = step > 0.0 and np.abs(f - f[0] - step * np.arange(len(f))).max() <= EVEN * f[-1]
+    return step if even else None
+
+
+def _ours(held: FrequencyResponse) -> str:
+    """The line of text for our reader: also at which rate inputs were or may have been held, if that fits."""
+    step, text = _even_step(held.frequency_hz), f"{OURS} response"
+    if step is not None:
+        text += f" first={float(held.frequency_hz[0])!r} step={step!r}"
+    for key, period in (("held", held.hold_s), ("maybe", held.perhaps_held_s)):
+        more = "" if period is None else f" {key}={1.0 / period if period else np.inf:.12g}"
+        text += more if len(text + more) <= LONGEST else ""
+    return text
+
+
+def keeps_hold(held: FrequencyResponse) -> bool:
+    """Whether a file of the response says over which time its inputs were held."""
+    return not held.hold_s or " held=" in _ours(held)
+
+
+def _response_header(output: Port, at: Port, ours: str, where: str) -> Header:
     ends = [port.channel or Channel() for port in (output, at)]
     places = [_place(c, f"{where}, channel {p.name}") for c, p in zip(ends, (output, at), strict=True)]
-    texts = (stated(output.name), stated(at.name), _known(ends[1]), f"{OURS} response{more}", _known(ends[0]))
+    texts = (stated(output.name), stated(at.name), _known(ends[1]), ours, _known(ends[0]))
     divisor = FORCE if at.unit in ("N", "N m") else QUANTITY.get(at.unit, 0)
     quantity = QUANTITY.get(output.unit, 0)
     return Header(
