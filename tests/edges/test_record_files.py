@@ -251,6 +251,31 @@ def test_a_title_is_no_name(tmp_path: Path) -> None:
     assert record.outputs == (Port("wing-y", "m/s^2", Channel(node="wing", direction="-y")),)
 
 
+@pytest.mark.parametrize(
+    ("name", "right", "wrong"),
+    [
+        ("time", np.arange(50) / 4.0, 250.0 * np.arange(50)),  # milliseconds
+        ("t", np.arange(50)[:, None] / 4.0, np.arange(50)[:, None]),  # counted
+        ("fs", 4.0, 8.0 * np.pi),
+        ("Ts", 0.25, 4.0),
+    ],
+)
+def test_times_that_contradict_the_rate_of_the_layout_are_refused(
+    tmp_path: Path, name: str, right, wrong
+) -> None:
+    u, y = MATRIX[None, None, :, :1], MATRIX[None, None, :, 1:]
+    ports = (Port("force", "N"),), (Port("a", "m"), Port("b", "m"))
+    write_record(tmp_path / "own.npz", a_record((u, y), *ports))
+    with np.load(tmp_path / "own.npz") as archive:
+        arrays = dict(archive)
+    for value in (right, np.array(["4 Hz"]), np.zeros(50)):
+        np.savez(tmp_path / "more.npz", **arrays, **{name: value})
+        assert load_record(tmp_path / "more.npz").sample_hz == 4.0
+    np.savez(tmp_path / "more.npz", **arrays, **{name: wrong})
+    with pytest.raises(DataError, match=f"sample_hz is 4 Hz, by {name} the rate is"):
+        load_record(tmp_path / "more.npz")
+
+
 def test_unlike_starts_are_cut_and_reported(tmp_path: Path) -> None:
     u, y = RNG.standard_normal((2, 20))
     path = universal(tmp_path / "r.uff", [("force", FORCE, 13, "N", u)])

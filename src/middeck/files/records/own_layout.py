@@ -16,6 +16,8 @@ from middeck.signals.record import Record
 SCHEMA = 1
 SIDES: tuple[tuple[str, Side], ...] = (("u", "input"), ("y", "output"))
 NAMES = ("input_names", "input_units", "output_names", "output_units")
+# What others call a rate [Hz], a period [s] and times [s]; and how far these may be off.
+OTHER_RATES, OTHER_RATE = frozenset({"fs", "Fs", "Ts", "t", "time"}), 1e-3
 REQUIRED = ("schema", "sample_hz", "periodic", "u", "y", *NAMES)
 
 
@@ -66,6 +68,25 @@ def check_contents(arrays: Mapping[str, Any], where: str) -> None:
     schema = np.asarray(arrays["schema"])
     if schema.size != 1 or schema.ravel()[0] != SCHEMA:
         raise DataError(f"schema is {schema}, this reader knows {SCHEMA}", where=where, hint="write it again")
+    _refuse_other_rates(arrays, where)
+
+
+def _refuse_other_rates(arrays: Mapping[str, Any], where: str) -> None:
+    """Raise `DataError` where times or another rate, which the layout does not know, contradict its rate."""
+    stated, samples = read_rate(arrays["sample_hz"], where), np.shape(arrays["u"])[2:3]
+    for name in OTHER_RATES.intersection(arrays):
+        x = np.squeeze(np.asarray(arrays[name]))
+        single = name in ("fs", "Fs", "Ts")
+        if x.dtype.kind not in "fiu" or x.shape != (() if single else samples) or (not single and x.size < 2):
+            continue
+        step = float(x) if single else float(x[-1] - x[0]) / (len(x) - 1)
+        rate = step if name in ("fs", "Fs") else 1.0 / step if step else 0.0
+        # Times that fall or stand still are something else.
+        if rate > 0.0 and abs(rate / stated - 1.0) > OTHER_RATE:
+            raise DataError(
+                f"sample_hz is {stated:g} Hz, by {name} the rate is {rate:.6g} Hz", where=where,
+                hint=f"times in seconds and rates in Hz, or leave {name} out",
+            )  # fmt: skip
 
 
 def check_samples(name: str, shape: tuple[int, ...], dtype: np.dtype[Any], where: str) -> None:
