@@ -27,8 +27,8 @@ from middeck.structure.model.component import (
     warnings_on_component,
 )
 from middeck.structure.model.finer_mesh import refine_mesh
-from middeck.structure.modes.motions.left_out_modes import estimate_reduction_error
 from middeck.structure.modes.motions.left_out_stiffness import felt_stiffness, left_out
+from middeck.structure.modes.reduction_error import estimate_reduction_error
 from middeck.structure.sensitivity.frequency_derivatives import differentiate_frequencies
 from middeck.structure.sensitivity.parameters import find_parameters, set_parameter
 from middeck.structure.sensitivity.rest import differentiate_rest

@@ -27,11 +27,11 @@ from middeck.structure.modes.lost_loose_or_buckled import (
     where_lost,
 )
 from middeck.structure.modes.mesh_error import mesh_warnings
-from middeck.structure.modes.motions.left_out_modes import reduction_warnings
 from middeck.structure.modes.motions.left_out_stiffness import component_warnings
 from middeck.structure.modes.motions.rigid_motions import rigid_basis
 from middeck.structure.modes.names.kinds import find_kinds, kind_warnings
 from middeck.structure.modes.names.naming import name_modes
+from middeck.structure.modes.reduction_error import reduction_warnings
 from middeck.structure.rest.equilibrium import Equilibrium, rest_warnings
 from middeck.values import record, require_kind
 
