@@ -11,7 +11,7 @@ from collections.abc import Callable
 import numpy as np
 from jaxtyping import Bool, Complex
 
-from middeck.systems.poles.stability import growth_limits
+from middeck.systems.poles.stability import growth_limits, rest_limits
 
 NEAR, NEARER = 1e-4, 1e-6
 """Distances of lines from the pole, over that of the next pole."""
@@ -22,8 +22,9 @@ without residue does not make."""
 
 def on_axis(values: Complex[np.ndarray, " pole"], w1: float, w2: float) -> Bool[np.ndarray, " pole"]:
     """Whether each pole [rad/s] lies on the axis within the band, up to rounding."""
-    omega, limit = np.abs(np.imag(values)), growth_limits(values)
-    return (np.abs(np.real(values)) <= limit) & (omega >= w1) & (omega <= w2)
+    omega, rate = np.abs(np.imag(values)), np.real(values)
+    there = (rate >= -rest_limits(values)) & (rate <= growth_limits(values))
+    return there & (omega >= w1) & (omega <= w2)
 
 
 def unbounded_outputs(

@@ -23,6 +23,8 @@ from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace
 GROWTH_LIMIT = 1e-8
 """Largest real part [rad/s] that still counts as stable: above rounding at an undamped pole, far below any
 growth that an experiment could show (a factor e in three years)."""
+SLOWEST = 1e-7
+"""Size of the fastest pole [rad/s] below which rounding of integrators is not told from a slow loop."""
 ROUNDINGS = 100.0
 """Growth, in roundings of a pole's frequency or rate, that counts as none."""
 JOINED = 10.0
@@ -49,6 +51,22 @@ def growth_limits(
     array([False,  True])
     """
     return np.maximum(growth_limit(period_s), ROUNDINGS * np.finfo(float).eps * np.abs(np.imag(rates)))
+
+
+def rest_limits(
+    rates: Complex[np.ndarray, " state"], period_s: float | None = None
+) -> Float[np.ndarray, " state"]:
+    """Least decay of each pole [rad/s] that is no rounding: `growth_limits`, less for a loop that is slow.
+
+    >>> rest_limits(np.array([-1.0 + 2.0j])) == GROWTH_LIMIT, rest_limits(np.array([1e-6j])) < 1e-13
+    (array([ True]), array([ True]))
+    """
+    limits = growth_limits(rates, period_s)
+    size = float(np.abs(rates[np.isfinite(rates)]).max(initial=0.0))
+    if size < SLOWEST:
+        return limits
+    known = ROUNDINGS * float(np.finfo(float).eps) / period_s if period_s else 0.0
+    return np.minimum(limits, max(GROWTH_LIMIT * size, known))
 
 
 def growth_rates(system: StateSpace | SampledStateSpace) -> Complex[np.ndarray, " state"]:
@@ -130,4 +148,4 @@ def all_decay(rates: Complex[np.ndarray, " state"], period_s: float | None = Non
     >>> all_decay(np.array([-1.0 + 2.0j])), all_decay(np.array([2.0j]))
     (True, False)
     """
-    return bool(np.all(np.real(rates) < -growth_limits(rates, period_s)))
+    return bool(np.all(np.real(rates) < -rest_limits(rates, period_s)))
