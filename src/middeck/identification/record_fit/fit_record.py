@@ -202,7 +202,7 @@ def fit_samples(
         band_hz=band_hz,
         asked=asked,
         weighting=weighting,
-        of_forces=input_noise is not None,
+        input_noise=input_noise,
         tell=tell,
     )
     fit = functools.partial(_fit, search, input_noise=input_noise)
@@ -285,7 +285,7 @@ def _searched(
     band_hz: tuple[float, float] | None,
     asked: FitOptions,
     weighting: Weighting | None,
-    of_forces: bool,
+    input_noise: Float[np.ndarray, "part sample input"] | None,
     tell: Callable[[str], None],
 ) -> _Found:
     sampled, states = asked.sample_hz is not None, asked.states
@@ -309,12 +309,11 @@ def _searched(
         if not sampled:
             tell("modes that are none, or two")
         if states is None:
-            fitted = tidied(record, data, run, sampled=sampled, of_forces=of_forces)
+            fitted = tidied(record, data, run, sampled=sampled, input_noise=input_noise)
+        elif sampled:
+            fitted = Tidied(data=data, run=run, lines=())
         else:
-            as_it_is = sampled or of_forces
-            fitted = (
-                Tidied(data=data, run=run, lines=()) if as_it_is else with_modes_as_two(record, data, run)
-            )
+            fitted = with_modes_as_two(record, data, run, input_noise)
         return _Found(data, run, fitted, reason)
 
 

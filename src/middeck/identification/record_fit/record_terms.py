@@ -3,10 +3,11 @@
 from collections.abc import Iterator
 
 import numpy as np
-from jaxtyping import Complex
+from jaxtyping import Complex, Float
 
 from middeck.identification.model.measurement_model import model_response
 from middeck.identification.problem.data import Data
+from middeck.identification.problem.transient_projection import TransientProjection
 from middeck.identification.record_fit.record_covariance import Rows
 from middeck.identification.record_fit.refine_record import RecordRun
 from middeck.identification.record_fit.residual_tests import Heard, signals
@@ -57,13 +58,20 @@ def record_scores(
                     lacking[k] = _drifting(data.H[o] - left, data)
             parts = (J[place], lacking, left[None])
             slopes, by_terms, (rest,) = (own.removed(part) for part in parts)
-            noise = None
-            if heard is not None and heard.shape[2]:
-                alike = np.repeat(heard[o].T[:, :, None], columns, axis=2)
-                noise = own.removed(alike).reshape(len(alike), columns, -1)
+            noise = None if heard is None else parts_of_noise(heard[o], own, columns)
             yield TermRows(place=place, slopes=slopes, terms=by_terms, left=rest, line=line, heard=noise)
 
     return term_scores(rows, covariance)
+
+
+def parts_of_noise(
+    heard: Complex[np.ndarray, "line part"], own: TransientProjection, columns: int
+) -> Float[np.ndarray, "part column some"] | None:
+    """One output's responses to noise of the inputs, as `TermRows` has them; None where it is unknown."""
+    if not heard.shape[1]:
+        return None
+    alike = np.repeat(heard.T[:, :, None], columns, axis=2)
+    return own.removed(alike).reshape(len(alike), columns, -1)
 
 
 def _drifting(answer: Complex[np.ndarray, "line column"], data: Data) -> Complex[np.ndarray, "line column"]:

@@ -20,7 +20,9 @@ from middeck.identification.model.measurement_model import MeasurementModel, pat
 from middeck.identification.problem.data import Data
 from middeck.identification.problem.residual_and_slopes import Terms
 from middeck.identification.record_fit.record_covariance import Rows
+from middeck.identification.record_fit.record_terms import parts_of_noise
 from middeck.identification.record_fit.refine_record import RecordRun
+from middeck.identification.record_fit.residual_tests import Heard
 from middeck.identification.record_fit.sensor_or_force_noise import noise_variance
 from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.identification.uncertainty.lacking_terms import TermRows, joint_score
@@ -31,12 +33,14 @@ PARTS = (1.0, 1j)
 SHIFT = 1e-6
 
 
-def chance_of_no_second(run: RecordRun, data: Data, covariance: ModelCovariance, m: int) -> float:
+def chance_of_no_second(
+    run: RecordRun, data: Data, covariance: ModelCovariance, m: int, heard: Heard
+) -> float:
     """Probability of a residual that is as much of the form of a second mode beside pair ``m``.
 
     Unknowns are two of each output for the driven motion, and two for the free motion of each of its
-    experiments. The noise is taken as that of sensors: what one mode leaves of two would pass for noise of
-    forces.
+    experiments. The noise is taken as that of sensors and of inputs that is ``heard``: what one mode leaves
+    of two would pass for noise of forces.
     """
     residual, model = run.residual(data), covariance.model
     sensors = dataclasses.replace(run, variance=noise_variance(residual, driven=data.driven))
@@ -54,7 +58,8 @@ def chance_of_no_second(run: RecordRun, data: Data, covariance: ModelCovariance,
             lacking = np.zeros((count * outputs, *left.shape), complex)
             lacking[count * o : count * (o + 1)] = np.concatenate([driven[:, o], free])
             slopes, terms, (rest,) = (own.removed(part) for part in (J[place], lacking, left[None]))
-            yield TermRows(place=place, slopes=slopes, terms=terms, left=rest, line=line)
+            noise = parts_of_noise(heard[o], own, columns)
+            yield TermRows(place=place, slopes=slopes, terms=terms, left=rest, line=line, heard=noise)
 
     return float(scipy.stats.chi2.sf(joint_score(rows, covariance), count * outputs))
 

@@ -38,6 +38,7 @@ from middeck.identification.record_fit.record_covariance import record_covarianc
 from middeck.identification.record_fit.record_order import record_length, record_unknowns
 from middeck.identification.record_fit.reduced_record import has_many_outputs
 from middeck.identification.record_fit.refine_record import RecordRun, Weighting, refine_record
+from middeck.identification.record_fit.residual_tests import Heard, heard_of
 from middeck.identification.record_fit.second_mode import chance_of_no_second
 from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.identification.uncertainty.parameter_deviations import uncertainty_of
@@ -60,8 +61,9 @@ ORDERS, CHANCE = (1, 2, 3), 2.0
 # the description that a search from elsewhere counts.
 TWINS, WORTH = 0.1, 1.0
 # Chance by which one mode of a clean record is likelier as two (Wilks 1938), and by which what it leaves has
-# the form that a second one would leave: under forces that shake the article one is likelier as two, too.
-BY_CHANCE, OF_FORM = 3e-4, 0.01
+# the form that a second one would leave: under forces that shake the article one is likelier as two, too; and
+# the same where inputs are known to have noise, of which their parts at rest tell little more than the size.
+BY_CHANCE, OF_FORM, OF_NOISE = 3e-4, 0.01, 1e-4
 # Powers of time in the amplitude.
 POWERS = 3
 
@@ -79,35 +81,56 @@ class Tidied:
     lines: tuple[SteadyLine, ...]
     as_two: tuple[float, ...] = ()
     perhaps_two: tuple[float, ...] = ()
+    input_noise: Float[np.ndarray, "part sample input"] | None = None
+
+    @property
+    def of_forces(self) -> bool:
+        """Whether inputs are known to have noise, so that a residual at a peak need not be a second mode."""
+        return self.input_noise is not None
+
+    def heard(self, record: Record) -> Heard:
+        """Responses to the noise of inputs that is known."""
+        return heard_of(record, self.data, self.run, self.input_noise)
 
 
-def tidied(record: Record, data: Data, run: RecordRun, *, sampled: bool, of_forces: bool = False) -> Tidied:
+def tidied(
+    record: Record,
+    data: Data,
+    run: RecordRun,
+    *,
+    sampled: bool,
+    input_noise: Float[np.ndarray, "part sample input"] | None = None,
+) -> Tidied:
     """The model without the sines and modes that do not belong to it, as far as that shortens it.
-
-    ``of_forces``: inputs are known to have noise, so that a residual at a peak is no second mode.
 
     A sampled model keeps its modes: its poles stand for delays and filters, too, and its order was judged by
     how it simulates.
     """
-    state = _without_sines(record, Tidied(data=data, run=run, lines=()))
+    state = _without_sines(record, Tidied(data=data, run=run, lines=(), input_noise=input_noise))
     if not sampled:
         state = shed(state, functools.partial(_significance, record), functools.partial(_without, record))
-        state = state if of_forces else _with_twins_apart(state)
-        state = _with_modes_in_two(record, state, of_forces=of_forces)
-    found = _with_hidden_lines(state)
+        state = state if state.of_forces else _with_twins_apart(state)
+        state = _with_modes_in_two(record, state)
+    found = _with_hidden_lines(record, state)
     if len(found.lines) == len(state.lines) or not found.perhaps_two:
         return found
     # A sine beside a mode is likelier as a second one, too.
-    return _with_modes_in_two(record, dataclasses.replace(found, perhaps_two=()), of_forces=of_forces)
+    return _with_modes_in_two(record, dataclasses.replace(found, perhaps_two=()))
 
 
-def with_modes_as_two(record: Record, data: Data, run: RecordRun) -> Tidied:
+def with_modes_as_two(
+    record: Record,
+    data: Data,
+    run: RecordRun,
+    input_noise: Float[np.ndarray, "part sample input"] | None = None,
+) -> Tidied:
     """A continuous model of the order asked for, its least needed mode given up for one that is two."""
-    state = _with_twins_apart(Tidied(data=data, run=run, lines=()))
+    state = Tidied(data=data, run=run, lines=(), input_noise=input_noise)
+    state = state if state.of_forces else _with_twins_apart(state)
     data, run = state.data, state.run
     for m in range(run.layout.pairs):
         two = _in_two(state, m)
-        if two is None or not _is_shorter(record, state, two, m, NOTHING):
+        if two is None or not _is_shorter(record, state, two, m):
             if two is not None and stay_near(pairs_of(two.run), pairs_of(run), m):
                 state = _with_mark(record, state, two, m)
             continue
@@ -185,26 +208,26 @@ def _without(record: Record, state: Tidied, dropped: Bool[np.ndarray, " mode"]) 
     return _better(state, with_free_motion(state.data, poles[dropped]), start, lines)
 
 
-def _with_modes_in_two(record: Record, state: Tidied, *, of_forces: bool) -> Tidied:
+def _with_modes_in_two(record: Record, state: Tidied) -> Tidied:
     """Modes in two where that is clearly shorter, and a mark on those where it is only likelier.
 
-    No mark where inputs are known to have noise, or leave lines out: that noise, and a distortion that
-    repeats with its signal, have the form of a second mode, too.
+    No mark where inputs leave lines out: a distortion that repeats with its signal has the form of a second
+    mode, too.
     """
-    m, marks = 0, not of_forces and state.data.driven is None
+    m = 0
     while m < state.run.layout.pairs:
-        two = _in_two(state, m, of_forces=of_forces)
+        two = _in_two(state, m)
         if two is not None and not stay_near(pairs_of(two.run), pairs_of(state.run), m):
             two = None
-        if two is not None and _is_shorter(record, state, two, m, DOUBTFUL if of_forces else NOTHING):
+        if two is not None and _is_shorter(record, state, two, m):
             state, m = two, m + 1
-        elif two is not None and marks:
+        elif two is not None and state.data.driven is None:
             state = _with_mark(record, state, two, m)
         m += 1
     return state
 
 
-def _in_two(state: Tidied, m: int, *, of_forces: bool = False) -> Tidied | None:
+def _in_two(state: Tidied, m: int) -> Tidied | None:
     """The fit with mode ``m`` split in two; None where it is not to be had, or not worth its time.
 
     One mode in the place of two leaves most at their peak, as noise of forces does, so that such noise was
@@ -214,7 +237,7 @@ def _in_two(state: Tidied, m: int, *, of_forces: bool = False) -> Tidied | None:
     if has_many_outputs(state.data) and not (_leaves_more(state, m) and _promises(state, start)):
         return None
     found = _refined(state, start)
-    if state.run.weighting != "motion" or of_forces:
+    if state.run.weighting != "motion" or state.of_forces:
         return found
     other = _refined(state, start, "output")
     if found is None or other is None:
@@ -223,10 +246,11 @@ def _in_two(state: Tidied, m: int, *, of_forces: bool = False) -> Tidied | None:
     return other if _length(other) + by < _length(found) else found
 
 
-def _is_shorter(record: Record, state: Tidied, two: Tidied, m: int, least: float) -> bool:
-    """Whether mode ``m`` in two is clearly shorter, either of them of ``least`` deviations or more."""
+def _is_shorter(record: Record, state: Tidied, two: Tidied, m: int) -> bool:
+    """Whether mode ``m`` in two is clearly shorter, either of them, under noise of forces, not doubtful."""
     if _length(two) + CLEARLY > _length(state):
         return False
+    least = DOUBTFUL if state.of_forces else NOTHING
     return bool(_significance(record, two)[m : m + 2].min() >= least)
 
 
@@ -238,7 +262,8 @@ def _with_mark(record: Record, state: Tidied, two: Tidied, m: int) -> Tidied:
     gained = 2.0 * (run.likelihood - two.run.likelihood)
     if gained < scipy.stats.chi2.isf(BY_CHANCE, record_unknowns(two.run) - record_unknowns(run)):
         return state
-    if chance_of_no_second(run, state.data, covariance_of(record, state), m) > OF_FORM:
+    chance = chance_of_no_second(run, state.data, covariance_of(record, state), m, state.heard(record))
+    if chance > (OF_NOISE if state.of_forces else OF_FORM):
         return state
     return dataclasses.replace(state, perhaps_two=(*state.perhaps_two, _mode_hz(state, m)))
 
@@ -312,10 +337,10 @@ def _significance(record: Record, state: Tidied) -> Float[np.ndarray, " mode"]:
     return np.array([found[covariance.model.poles == pole].max(initial=0.0) for pole in poles])
 
 
-def _with_hidden_lines(state: Tidied) -> Tidied:
+def _with_hidden_lines(record: Record, state: Tidied) -> Tidied:
     """The data with sines in the residual, where no pole was spent on them."""
     while len(state.lines) < MOST_LINES:
-        omega = _highest_line(state)
+        omega = _highest_line(record, state)
         if omega is None:
             return state
         hz, apart = omega / (2.0 * np.pi), 1.0 / state.data.length_s
@@ -328,13 +353,15 @@ def _with_hidden_lines(state: Tidied) -> Tidied:
     return state
 
 
-def _highest_line(state: Tidied) -> float | None:
-    """Line where the residual exceeds its neighbours most; None if nowhere much."""
+def _highest_line(record: Record, state: Tidied) -> float | None:
+    """Line where the residual exceeds its neighbours, and noise of inputs, most; None if nowhere much."""
     run = state.run
     r = run.residual(state.data)
     power = np.mean(np.abs(r) ** 2, axis=2)
     size = min(2 * BESIDE + 1, power.shape[1])
     beside = scipy.ndimage.median_filter(power, size=(1, size), mode="reflect")
+    heard = np.abs(state.heard(record)) ** 2
+    beside += np.sum(heard, axis=2) / max(heard.shape[2], 1)
     above = power / np.maximum(beside, np.finfo(float).tiny)
     o, k = np.unravel_index(int(np.argmax(above)), above.shape)
     if above[o, k] < LINE_ABOVE + np.log(above.size):

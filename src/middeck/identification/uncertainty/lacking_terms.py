@@ -197,15 +197,20 @@ def term_scores(rows: Callable[[], Iterable[TermRows]], covariance: ModelCovaria
 def joint_score(rows: Callable[[], Iterable[TermRows]], covariance: ModelCovariance) -> float:
     """Square of the scores of all terms together: chi-squared of as many degrees of freedom as terms.
 
-    Under noise of the assumed size. ``rows`` are made anew twice, as for `term_scores`.
+    Under noise of the assumed size, and that of the inputs beside it. ``rows`` are made anew twice, as for
+    `term_scores`.
     """
     by_terms, follow = _followed(rows, covariance)
     size = np.linalg.norm(by_terms, axis=0) + np.finfo(float).tiny
     count = len(size)
-    score, power = np.zeros(count), np.zeros((count, count))
+    score, power, heard = np.zeros(count), np.zeros((count, count)), np.zeros((count, 1, 1))
     for r in rows():
         apart = (r.terms - follow[r.place].T @ r.slopes) / size[:, None]
         score, power = score + apart @ r.left, power + 0.5 * apart @ apart.T
+        if r.heard is not None:
+            each = apart.reshape(count, r.heard.shape[1], -1)
+            heard = heard + np.einsum("ten,pen->tpe", each, r.heard)
+    power += np.einsum("tpe,spe->ts", heard, heard) / heard.shape[1]
     return float(score @ np.linalg.pinv(power, rcond=APART, hermitian=True) @ score)
 
 
