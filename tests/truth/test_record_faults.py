@@ -728,6 +728,19 @@ def test_sines_cut_off_by_a_fiftieth_are_clipped_and_whole_ones_are_not(
             assert {"clipping"} & {f.kind for f in detect_faults(heard(rng, y))} == kinds
 
 
+def test_sines_clipped_before_noise_are_clipped_and_whole_ones_are_not(
+    campaign: Callable[[int], range],
+) -> None:
+    """Noise behind an amplifier at its limit blurs that over some per cent of the span: none was found."""
+    for seed in campaign(60):
+        rng = np.random.default_rng([37, seed])
+        sine = np.sin(2.0 * np.pi * rng.uniform(0.01, 0.03) * np.arange(4000.0) + rng.uniform())
+        noise = 0.005 * rng.standard_normal(len(sine))
+        limit = rng.uniform(0.75, 0.85)
+        for y, kinds in ((np.clip(sine, -limit, limit), {"clipping"}), (sine, set())):
+            assert {"clipping"} & {f.kind for f in detect_faults(heard(rng, y + noise))} == kinds
+
+
 @pytest.mark.parametrize("cycle", [13, 23, 27, 45])
 def test_peaks_between_two_samples_are_not_clipped(cycle: int) -> None:
     """A sine of an odd number of samples a cycle, in steps of 16 bits, repeats its two largest samples."""

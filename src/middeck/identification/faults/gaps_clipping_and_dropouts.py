@@ -17,15 +17,18 @@ from middeck.identification.faults.equal_runs import (
 # (L + 2)^2 / L^2 q below, that is 3 q and rounding for the shortest run of three.
 DROP = 8.0
 # Density within 0.5 % of the span of a limit over that of the next 0.5 %: 2.4 for a sine, less for noise.
-# Noise of the samples may blur the limit over the zone; where it blurs less, smaller zones tell more.
-ZONES, PILED = (0.005, 0.0015, 0.0005), 5.0
+# Noise of the samples blurs the limit over six deviations: 1 % of a sine over the widest zone; where it blurs
+# less, smaller zones tell more.
+ZONES, PILED = (0.03, 0.012, 0.005, 0.0015, 0.0005), 5.0
 FEWEST_PILED = 20
 # Samples in one run at a limit over those in any zone as wide.
 LINGERS = 2.0
 # Zones by which a signal goes away from a limit after a visit, and how many it makes: a plateau is a step.
 AWAY, FEWEST_VISITS = 10.0, 3
-# A smooth peak that has fewer samples within a zone may have none within the next one, at each visit alike.
-FEWEST_IN_A_PEAK = 3.0
+# A smooth peak that has fewer samples within a zone may have none within the next one, at each visit alike:
+# the next one is 0.4 as wide, both sides together. Not if peaks are met at all phases: the samples before
+# visits spread over a parabola's depth of so many sqrt(zone), without a gap of so much of that.
+FEWEST_IN_A_PEAK, PHASES, GAP = 6.0, 3.0, 0.2
 # Equal samples at a limit where each of so many next values is there once: of Gaussian samples in steps of a
 # hundredth of their deviation one record in ten thousand has four.
 FEWEST_EQUAL, NEXT_VALUES = 4, 20
@@ -160,9 +163,16 @@ def _crowded_zones(x: Signal, zone: float) -> Runs:
         visits = np.count_nonzero(np.maximum.reduceat(depth, [a for a, _ in found]) > AWAY * zone)
         length = np.array([b - a for a, b in found])
         alike = np.ptp(length) <= 1 and length.mean() < FEWEST_IN_A_PEAK
+        alike = alike and not _all_phases(np.sort([depth[a - 1] for a, _ in found if a > 0]), zone, np.ptp(x))
         if crowded and top > LINGERS * stay * len(found) and visits >= FEWEST_VISITS and not alike:
             runs, count = runs + found, count + top
     return sorted(runs) if count < SWITCHED * len(x) else []
+
+
+def _all_phases(before: Signal, zone: float, size: float) -> bool:
+    """Whether a signal comes to its peaks at all phases, by the samples ``before`` them, in order."""
+    wide = before[-1] - before[0] if len(before) > 1 else 0.0
+    return bool(wide > PHASES * np.sqrt(zone * size) and np.diff(before).max() < GAP * wide)
 
 
 def find_dropouts(x: Signal, levels: Levels, *, period: int, is_input: bool) -> list[FaultDraft]:
