@@ -268,7 +268,7 @@ def test_times_that_contradict_the_rate_of_the_layout_are_refused(
     write_record(tmp_path / "own.npz", a_record((u, y), *ports))
     with np.load(tmp_path / "own.npz") as archive:
         arrays = dict(archive)
-    for value in (right, np.array(["4 Hz"]), np.zeros(50)):
+    for value in (right, np.array(["4 Hz"]), np.zeros(50), np.arange(50, dtype=np.uint8)[::-1]):
         np.savez(tmp_path / "more.npz", **arrays, **{name: value})
         assert load_record(tmp_path / "more.npz").sample_hz == 4.0
     np.savez(tmp_path / "more.npz", **arrays, **{name: wrong})

@@ -12,6 +12,7 @@ from middeck.identification.fit.fit_response import fit_response
 from middeck.identification.model.measurement_model import damping_ratio, natural_hz
 from middeck.identification.record_fit.fit_record import fit_record
 from middeck.identification.spectra.estimate import estimate_response
+from middeck.signals.ports import Port
 from middeck.signals.record import Record
 from repeats import LONG
 
@@ -197,3 +198,13 @@ def test_a_response_to_commands_tells_whether_they_were_held_or_warns(campaign: 
         noise = 1e-4 * np.random.default_rng(seed).standard_normal(doubted.u.shape)
         heard = estimate_response(dataclasses.replace(doubted, u=doubted.u + noise * doubted.u.std()))
         assert heard.perhaps_held_s is None
+
+
+def test_a_delay_that_a_model_lacks_is_not_taken_for_a_hold() -> None:
+    """Accelerations have complex constants: of 20 ms, half a period was in a hold, in 3 of 3, in silence."""
+    known = repeated(0, 3e-3, held=False)
+    s = 2j * np.pi * np.fft.rfftfreq(known.u.shape[2], 1.0 / RATE)[:, None]
+    y = np.fft.irfft(np.fft.rfft(known.y, axis=2) * s**2 * np.exp(-s * (0.02 - DELAY)), axis=2)
+    felt = dataclasses.replace(known, y=y, outputs=(Port("felt", "m/s^2"),))
+    fit = fit_response(estimate_response(felt, band_hz=(0.5, 18.0)))
+    assert fit.model.hold_s is None

@@ -74,12 +74,12 @@ def check_contents(arrays: Mapping[str, Any], where: str) -> None:
 def _refuse_other_rates(arrays: Mapping[str, Any], where: str) -> None:
     """Raise `DataError` where times or another rate, which the layout does not know, contradict its rate."""
     stated, samples = read_rate(arrays["sample_hz"], where), np.shape(arrays["u"])[2:3]
-    for name in OTHER_RATES.intersection(arrays):
+    for name in sorted(OTHER_RATES.intersection(arrays)):
         x = np.squeeze(np.asarray(arrays[name]))
         single = name in ("fs", "Fs", "Ts")
         if x.dtype.kind not in "fiu" or x.shape != (() if single else samples) or (not single and x.size < 2):
             continue
-        step = float(x) if single else float(x[-1] - x[0]) / (len(x) - 1)
+        step = float(x) if single else (float(x[-1]) - float(x[0])) / (len(x) - 1)
         rate = step if name in ("fs", "Fs") else 1.0 / step if step else 0.0
         # Times that fall or stand still are something else.
         if rate > 0.0 and abs(rate / stated - 1.0) > OTHER_RATE:

@@ -183,7 +183,8 @@ def fit_asked(measured: FrequencyResponse, asked: FitOptions, cost: Cost = "weig
     The hold of the inputs is divided out. A first fit gives what sampling folds back, some thousandths of the
     response at an eighth of the rate, which is subtracted before a second fit. If the order is given, the
     second fit starts from the first, and from all other starts only if that leaves more than noise. Commands
-    that may have been held are fitted both ways, unless the first fit tells that they were not.
+    that may have been held are fitted both ways, unless the first fit tells that they were not, or has no
+    delay: half a period of another delay would look like a hold.
     """
     hold_s = measured.hold_s
     if asked.sample_hz is not None:
@@ -192,7 +193,8 @@ def fit_asked(measured: FrequencyResponse, asked: FitOptions, cost: Cost = "weig
         return marked(_result(_behind_hold(measured, hold_s, asked, cost)), hold_s)
     run = _searched(measured, asked, cost)
     fit, perhaps_s = marked(_result(run), hold_s), measured.perhaps_held_s
-    if hold_s is None and perhaps_s and cost == "weighted" and not _tells_no_hold(run, fit, perhaps_s):
+    asks = hold_s is None and perhaps_s is not None and run.best.layout.options.delay_of is not None
+    if asks and perhaps_s and cost == "weighted" and not _tells_no_hold(run, fit, perhaps_s):
         with contextlib.suppress(FitError):
             behind = _behind_hold(measured, perhaps_s, asked, cost)
             hold = np.log(np.abs(hold_response(measured.frequency_hz, perhaps_s)) ** 2).sum()
