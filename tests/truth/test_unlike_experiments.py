@@ -12,6 +12,7 @@ import pytest
 from cli_runner import middeck
 from middeck.files.records import write_record
 from middeck.identification.faults.detect import detect_faults
+from middeck.identification.faults.unlike_experiments import find_unlike_experiments
 from middeck.identification.spectra.estimate import estimate_response
 from middeck.signals.ports import Port
 from middeck.signals.record import Record
@@ -111,6 +112,35 @@ def test_a_turned_sensor_of_two_inputs_is_reported() -> None:
     inputs = Port("force", "N"), Port("shaker", "N")
     record = Record(sample_hz=HZ, u=u, y=y, inputs=inputs, outputs=PORTS[1], periodic=True, held=True)
     assert [(f.kind, f.channel, f.experiment) for f in detect_faults(record)] == [("unlike", "root", 1)]
+
+
+def other_gain(rng: np.random.Generator, kind: str, gain: float) -> Record:
+    """Experiments of one or two inputs; the root has another ``gain`` in the last."""
+    inputs, experiments = {"two inputs": (2, 2), "more experiments": (2, 3)}.get(kind, (1, 2))
+    X = np.exp(2j * np.pi * rng.random((experiments, inputs, PERIOD // 2 + 1)))
+    u = np.fft.irfft(X, n=PERIOD).transpose(0, 2, 1)
+    y = np.array([sum(answer(x) * [1.0, 1.0 - 1.7 * i] for i, x in enumerate(e.T)) for e in u])
+    y[-1, :, 1] *= gain
+    y = y + 1e-3 * y.std(axis=(0, 1)) * rng.standard_normal(y.shape)
+    repeats, first = (4, 0) if inputs == 2 or kind == "not said to repeat" else (1, PERIOD // 8)
+    u, y = (np.repeat(x[:, None, first:], repeats, axis=1) for x in (u, y))
+    ports = (Port("force", "N"), Port("shaker", "N"))[:inputs]
+    return Record(sample_hz=HZ, u=u, y=y, inputs=ports, outputs=PORTS[1], periodic=inputs == 2, held=True)
+
+
+@pytest.mark.parametrize("kind", ["two inputs", "more experiments", "runs"])
+def test_another_gain_is_reported_of_any_record(kind: str) -> None:
+    for seed in range(3):
+        found = find_unlike_experiments(other_gain(np.random.default_rng([8, seed]), kind, 1.1))
+        assert [(f.channel, f.experiment) for f in found] == [("root", 1 + (kind == "more experiments"))]
+        assert float(found[0].what.split()[1]) == pytest.approx(1.1, abs=0.01)
+        assert find_unlike_experiments(other_gain(np.random.default_rng([9, seed]), kind, 1.0)) == []
+
+
+def test_another_gain_is_reported_of_runs_that_are_not_said_to_repeat() -> None:
+    record = other_gain(np.random.default_rng(8), "not said to repeat", 1.1)
+    with pytest.warns(UserWarning, match=r"root, experiment 1: has 1\.(09|10)\d times the gain"):
+        estimate_response(record)
 
 
 def test_a_fit_that_is_refused_names_it(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:

@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from middeck.identification.faults.equal_runs import FaultDraft, fault
+from middeck.identification.faults.gains_of_experiments import gains_of_experiments
 from middeck.identification.faults.lost_samples_and_feedback import (
     ANSWER,
     FEWEST_SAMPLES,
@@ -22,12 +23,9 @@ ALIKE, BETTER = 0.6, 0.2
 HEARD = 4.0
 # Correlation of two inputs from which their responses cannot be distinguished.
 ONE_INPUT = 0.3
-# A gain is reported from so many deviations and this share, if half the lines agree with it within a half.
-SURE, SHARE, AGREE = 6.0, 0.005, 0.5
-# Lines from which a gain is estimated: their power over that of their noise, and how many.
-CLEAR, FEWEST_LINES = 30.0, 20
-# Times the median weight that a line may have: few lines at a resonance do not show a gain.
-HEAVIEST = 10.0
+# Probability by chance of any gain of a record below which it is reported, and the least size; the median of
+# windows agrees with it within a half.
+BY_CHANCE, SHARE, AGREE = 1e-3, 0.005, 0.5
 
 
 def find_unlike_experiments(record: Record) -> list[RecordFault]:
@@ -91,49 +89,19 @@ def _turned(record: Record, first: np.ndarray, here: np.ndarray) -> FaultDraft |
 
 
 def _gains(record: Record) -> list[RecordFault]:
-    """Other gains of outputs in repeated records of one input, where each experiment shows a response."""
-    experiments, periods, _, inputs = record.u.shape
-    if periods < 2 or inputs > 1:
+    """Other gains of outputs, where windows of lines agree on them."""
+    found = gains_of_experiments(record)
+    if found is None:
         return []
-    U, Y = (np.fft.rfft(x, axis=2)[:, :, 1:-1] for x in (record.u, record.y))
-    power_u, power_y, noise = _power(U)[0], *_power(Y)
-    driven = power_u[..., 0] > 1e-3 * power_u[..., 0].max(axis=1, keepdims=True)
-    clear = (power_y > CLEAR * noise) & driven[:, :, None]
-    G = np.divide(power_y, power_u, out=np.ones_like(power_y), where=clear)
-    found: list[RecordFault] = []
-    for e in range(1, experiments):
-        for o, port in enumerate(record.outputs):
-            use = clear[0, :, o] & clear[e, :, o]
-            ratio = (noise / np.maximum(power_y, 1e-300))[[0, e]][:, use, o].sum(axis=0)
-            change = _change(G[0, use, o], G[e, use, o], ratio)
-            if change is not None:
-                what = f"has {np.exp(change):.3f} times the gain of experiment 0, on all lines"
-                hint = "check range, amplifier and level; scale one of the two, or fit them apart"
-                found.append(fault("unlike", what, hint).at("output", port, e))
-    return found
-
-
-def _power(X: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Power of the mean over periods (second axis), and the noise power in it.
-
-    The scatter over periods gives the noise; it is subtracted from the first.
-    """
-    periods = X.shape[1]
-    mean = X.mean(axis=1)
-    noise = np.mean(np.abs(X - mean[:, None]) ** 2, axis=1) / (periods - 1)
-    return np.abs(mean) ** 2 - noise, noise
-
-
-def _change(
-    first: Float[np.ndarray, " line"], here: Float[np.ndarray, " line"], ratio: Float[np.ndarray, " line"]
-) -> float | None:
-    """Logarithm of the change of gain; None if it may be chance, or if the lines do not agree on it."""
-    if len(first) < FEWEST_LINES:
-        return None
-    d = (here - first) / (here + first)  # half of the logarithm of the ratio of powers
-    weight = 1.0 / np.maximum(ratio, 1e-12)
-    weight = np.minimum(weight, HEAVIEST * float(np.median(weight)))
-    mean = float(weight @ d / weight.sum())
-    deviation = float(np.sqrt(np.sum((weight * (d - mean)) ** 2)) / weight.sum())
-    sure = abs(mean) > max(SURE * deviation, SHARE)
-    return mean if sure and abs(float(np.median(d)) - mean) < AGREE * abs(mean) else None
+    size = np.abs(found.change)
+    sure = (found.chance < BY_CHANCE / size.size) & (size > SHARE)
+    other = sure & (np.abs(found.median - found.change) < AGREE * size)
+    hint = "check range, amplifier and level; scale one of the two, or fit them apart"
+    return [
+        fault(
+            "unlike",
+            f"has {np.exp(found.change[e, o]):.3f} times the gain of experiment 0, on all lines",
+            hint,
+        ).at("output", record.outputs[o], int(e) + 1)
+        for e, o in np.argwhere(other)
+    ]

@@ -150,7 +150,11 @@ def _biasing_faults(record: Record) -> list[str]:
         np.ldexp(x, -np.frexp(np.abs(x).max(axis=(0, 1, 2), initial=0.0))[1]) for x in (record.u, record.y)
     )
     sized = dataclasses.replace(record, u=u, y=y)
-    found = find_unlike_experiments(sized) if record.periodic else biasing_faults(sized)
+    if record.periodic:
+        return [fault.in_a_line for fault in find_unlike_experiments(sized)]
+    found, run = biasing_faults(sized), as_periods(sized)
+    if run.periodic and not any(fault.kind == "unlike" for fault in found):
+        found += find_unlike_experiments(run)
     return [fault.in_a_line for fault in found]
 
 
