@@ -32,6 +32,7 @@ INTERNAL = 70
 INTERRUPTED = 130
 # None within a name or path: run1.uff, gimbal_1, mode-2, '3', day/4/run.uff.
 NUMBER = re.compile(r"""(?<![\w.'"/])(?<!\w-)\d+(\.\d+)?([eE][+-]?\d+)?(?![\w'"/-]|\.\w)""")
+NO_NUMBER = re.compile(r"'([^']*)' is not a valid (float|integer)(?: range)?\.$")
 SHOWN: Counter[str] = Counter()
 """How often each warning came, numbers aside."""
 
@@ -123,12 +124,23 @@ def _usage(error: click.UsageError, context: click.Context) -> int:
         message = f"{message}: an override is one word, as --set key=value"
     elif "unexpected extra argument" in message and "--environment" in known:
         message = f"{message}: an environment is an option, as --environment lab"
+    if (typed := NO_NUMBER.search(message)) is not None:
+        message = message[: typed.start()] + _no_number(*typed.groups())
     if isinstance(error, click.NoSuchOption):
         # Whoever shortens an option means that one, not one of as many letters.
         meant = [f"'{name}'" for name in known if name.startswith(error.option_name)]
         message = f"{error.message} Did you mean {' or '.join(meant)}?" if meant else message
     advice = f"{context.get_usage()}\n  try: {context.command_path} --help"
     return _fail(f"error: {message}\n{advice}", error.exit_code)
+
+
+def _no_number(typed: str, kind: str) -> str:
+    """What stands where an option takes a number."""
+    from middeck.files.toml.plain_number import as_number
+
+    number = as_number(typed) if kind == "float" else ""
+    wanted = "a number" if kind == "float" else "a whole number"
+    return f"{typed!r} is not {wanted}" + (f": a decimal point, as {number}" if number else "")
 
 
 def _show_warning(message: Warning | str, *place: object) -> None:

@@ -14,6 +14,8 @@ from middeck.identification.model.measurement_model import MeasurementModel, nat
 from middeck.identification.plants.measured_plant import measured_plant
 from middeck.identification.plants.merged_delays import merge_delays
 from middeck.identification.uncertainty.covariance import ModelCovariance
+from middeck.signals.ports import port_indices
+from middeck.signals.record import RecordStream
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.modal_plant import build_plant
 from middeck.structure.plants.whirl_modes import solve_gyroscopic_modes
@@ -122,6 +124,15 @@ def _band_around(frequency_hz: Float[np.ndarray, " mode"]) -> Band:
     """Band from half the lowest to twice the highest frequency; rigid modes do not count."""
     hz = frequency_hz[frequency_hz > 0.0]
     return (0.5 * float(hz.min()), 2.0 * float(hz.max())) if len(hz) else (0.1, 60.0)
+
+
+def require_ports(record: RecordStream, wanted: Wanted) -> None:
+    """Raise `ConfigError` for ports that are not in a record, which takes longer to fit than to open."""
+    for ports, names, option, side in (
+        (record.inputs, wanted.control, "--control", "input"),
+        (record.outputs, wanted.measure, "--measure", "output"),
+    ):
+        port_indices(ports, chosen(names, [port.name for port in ports], option), side)
 
 
 def chosen(names: tuple[str, ...], known: Sequence[str], option: str) -> tuple[str, ...]:

@@ -166,9 +166,10 @@ def _log10_authority(authority: float | None, log10_authority: float | None) -> 
 
 def _fitted_plant(sources: tuple[str, ...], settings: LoopSettings, wanted: Wanted) -> FittedPlant:
     from middeck.cli.given.checked_options import FitSettings, settle
-    from middeck.cli.given.design_plants import model_plant
+    from middeck.cli.given.design_plants import model_plant, require_ports
     from middeck.cli.work.fit_records import identify
     from middeck.files.measured.models import load_fitted
+    from middeck.files.records import open_record
 
     if len(sources) == 1 and Path(sources[0]).suffix.lower() == ".json":
         model, covariance = load_fitted(sources[0])
@@ -179,6 +180,8 @@ def _fitted_plant(sources: tuple[str, ...], settings: LoopSettings, wanted: Want
             "sampled": settings.sampled or False,
             "periods": settings.periods,
         }
+        with reading(sources[0]):
+            require_ports(open_record(sources[0]), wanted)
         fit = identify(sources, settle(FitSettings, keys, ())).fit
         model, covariance = fit.model, fit.covariance
     with reading(*sources):

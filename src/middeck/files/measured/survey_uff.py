@@ -58,6 +58,8 @@ def load_uff(path: Path) -> MeasuredModes:
     shapes = _once([mode for s in sets if s.number in SHAPES if (mode := _shape(s, path)) is not None])
     rigid = sum(s.hz == 0.0 for s in shapes)
     shapes = [s for s in shapes if s.hz != 0.0]
+    if not path.stat().st_size:
+        raise DataError("the file is empty", where=str(path), hint="export it again")
     if not shapes:
         hint = "export mode shapes as data set 55 (normal mode, complex eigenvalue) or 2414"
         raise DataError("no mode shapes", where=str(path), hint=hint)

@@ -20,6 +20,7 @@ from middeck.files.toml.form import (
     unit_of,
 )
 from middeck.files.toml.lines import Path
+from middeck.files.toml.plain_number import as_number
 from middeck.values import record
 
 # Endings that people write where another unit is expected.
@@ -184,6 +185,8 @@ def _finding(item: Any, form: type[Form]) -> PathFault:
     if kind == "literal_error":
         messages[kind] = f"must be {item['ctx']['expected']}".replace("'", '"')
     hint = item.get("ctx", {}).get("hint", "")
+    if kind == "float_type" and isinstance(item["input"], str) and (number := as_number(item["input"])):
+        hint = f"without quotes: {number}"
     hint = _as_array(key, item["input"], form, path) if kind in ("list_type", "tuple_type") else hint
     return finding(path, messages.get(kind, str(item["msg"])), item["input"], hint=hint)
 

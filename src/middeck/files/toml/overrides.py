@@ -20,6 +20,7 @@ from typing import Any, cast, get_args, get_origin
 from middeck.files.toml.faults import DocumentFault, nearest, raise_fault, raise_faults
 from middeck.files.toml.form import Form, bare, child, is_form, keys_of, sheet_name
 from middeck.files.toml.lines import Path
+from middeck.files.toml.plain_number import as_number
 from middeck.values import record
 
 # Words and paths; what begins like a number must be one.
@@ -72,6 +73,8 @@ def _parse_value(key: str, written: str) -> Any:
         parsed = {"value": written} if re.fullmatch(BARE, written) else {}
     if set(parsed) != {"value"}:
         advice = "numbers as 0.25, texts in quotes, arrays as [1.0, 2.0]"
+        if number := as_number(written):
+            advice = f"a decimal point: {key}={number}"
         raise_fault(_fault(key, f"the value {written!r} is not TOML", advice))
     return parsed["value"]
 

@@ -40,6 +40,9 @@ TROUBLES = (
         "a decimal comma",
         "a decimal point: {key} = {whole}.{part}",
     ),
+    Trouble(KEY + r"=\s*(?P<sign>[-+]?),(?P<part>\d+(?:[eE][-+]?\d+)?)\s*(?:#.*)?$",
+            "a decimal comma", "a decimal point: {key} = {sign}0.{part}"),
+    Trouble(KEY + r"=\s*\{.*=\s*[-+]?\d*,\d", "a decimal comma in a table", "a decimal point: 0.25"),
     Trouble(
         KEY + rf"=\s*(?P<n>{NUMBER})\s*(?P<unit>[A-Za-z%\u00b0\u00b5\u03bc][^#,]*)$",
         "a unit after the number",
