@@ -198,14 +198,23 @@ def test_margins_of_a_model_of_held_data_are_those_of_exact_discretisation(
             assert above == pytest.approx(upper_gain(truth, law), rel=5e-4)  # noise of 1e-4 in the data
 
 
-def test_without_the_word_half_a_period_is_in_the_delay() -> None:
+def as_measured(taken: Record) -> Record:
+    """With noise of a millionth on the inputs: no commands, which repeat to the last digits."""
+    noise = np.random.default_rng(0).standard_normal(taken.u.shape)
+    return dataclasses.replace(taken, u=taken.u + 1e-6 * np.std(taken.u) * noise)
+
+
+def test_without_the_word_commands_are_held_and_measured_inputs_have_half_a_period_in_the_delay() -> None:
     of, period_s = article(1, 0.011), 0.01
-    taken = multisine(as_sampled(of, period_s), 1, held=None)
-    fit = fitted(taken, of)
-    assert fit.model.hold_s is None
-    assert fit.model.delay_s[0] == pytest.approx(0.011 + 0.5 * period_s, abs=2e-4 * period_s * 100)
-    alike = fitted(dataclasses.replace(taken, held=False), of)
-    assert alike.model == dataclasses.replace(fit.model, hold_s=0.0)
+    commands = multisine(as_sampled(of, period_s), 1, held=None)
+    fit = fitted(commands, of)
+    assert fit.model.hold_s == period_s
+    assert fit.model.delay_s[0] == pytest.approx(0.011, abs=1e-5)
+    late = pytest.approx(0.011 + 0.5 * period_s, abs=2e-4 * period_s * 100)
+    for taken, hold_s in ((as_measured(commands), None), (dataclasses.replace(commands, held=False), 0.0)):
+        fit = fitted(taken, of)
+        assert fit.model.hold_s == hold_s
+        assert fit.model.delay_s[0] == late
 
 
 def test_samples_of_a_held_run_give_the_article_behind_the_hold(campaign: Callable[[int], range]) -> None:
@@ -276,7 +285,7 @@ def test_qualify_has_the_hold_once_or_says_what_it_assumes(
     law = lead(strength(truth), period_s)
     law_file, record_file = tmp_path / "law.json", tmp_path / "run.npz"
     write_compensator(law_file, law)
-    write_record(record_file, multisine(truth, 1, held=None))
+    write_record(record_file, as_measured(multisine(truth, 1, held=None)))
     kind = [
         "--states",
         str(2 * len(of.natural_hz)),

@@ -1,6 +1,6 @@
 """Names of this room that ``middeck`` itself does not have."""
 
-from .fit.fit_response import FitResult as FitResult
+from .fit.fit_result import FitResult as FitResult
 from .friction.find import find_friction as find_friction
 from .friction.remove import without_friction as without_friction
 from .impact.averaged_blows import average_blows as average_blows

@@ -27,8 +27,6 @@ from middeck.systems.plants.response import FrequencyResponse
 
 # A run is read as periods if it has so many, and its inputs differ between them by no more than this share.
 FEWEST_PERIODS, REPEATED = 2, 0.01
-# Share of the largest sample by which periods of commands differ.
-DIGITS = 1e-9
 # Deviations of a gain common to all lines by which noise of an input may change it before a warning.
 MOVED = 2.0
 
@@ -251,16 +249,9 @@ def _scatter_of_run(record: Record, band_hz: tuple[float, float] | None) -> Resp
     if started.what:
         warnings.warn(started.what, UserWarning, stacklevel=5)
     found = scatter_of_periods(_stream(started.record), band_hz, started)
-    found = dataclasses.replace(
-        found, warnings=(started.what,) if started.what else (), commanded=_repeats(record)
-    )
+    found = dataclasses.replace(found, warnings=(started.what,) if started.what else ())
     # What is left of free motion is as often in quadrature to the response as in phase, and is no change.
     return dataclasses.replace(found, changes=tuple(warnings_on_change(started.record, found)))
-
-
-def _repeats(record: Record) -> bool:
-    """Whether all periods of the inputs are equal to the last digits."""
-    return record.u.shape[1] > 1 and float(np.ptp(record.u, axis=1).max()) <= DIGITS * np.abs(record.u).max()
 
 
 def _stream(record: Record | RecordStream) -> RecordStream:

@@ -21,6 +21,8 @@ NEAREST = 8
 CLIFF = 10.0
 # Degrees of freedom of the noise where free motion was taken out of the periods.
 POOLED_DOF = 12.0
+# Share of an input by which its periods differ if it is a command.
+DIGITS = 1e-9
 
 
 @frozen(kw_only=True)
@@ -102,7 +104,15 @@ def scatter_of_periods(
         noise_covariance=noise,
         total_covariance=total,
         inverse_power=inverse_power,
+        commanded=_repeats(moments),
     )
+
+
+def _repeats(moments: PeriodMoments) -> bool:
+    """Whether all periods of each input are equal to the last digits."""
+    apart = np.einsum("kcc->c", np.real(moments.scatter))[: moments.inputs]
+    power = np.sum(np.abs(moments.mean[:, :, : moments.inputs]) ** 2, axis=(0, 1))
+    return moments.periods > 1 and bool(np.all(apart <= DIGITS**2 * power))
 
 
 def _pooled(covariance: np.ndarray, dof: float) -> tuple[np.ndarray, float]:
