@@ -193,8 +193,8 @@ def fit_asked(measured: FrequencyResponse, asked: FitOptions, cost: Cost = "weig
         return marked(_result(_behind_hold(measured, hold_s, asked, cost)), hold_s)
     run = _searched(measured, asked, cost)
     fit, perhaps_s = marked(_result(run), hold_s), measured.perhaps_held_s
-    asks = hold_s is None and perhaps_s is not None and run.best.layout.options.delay_of is not None
-    if asks and perhaps_s and cost == "weighted" and not _tells_no_hold(run, fit, perhaps_s):
+    asks = hold_s is None and cost == "weighted" and run.best.layout.options.delay_of is not None
+    if asks and perhaps_s and not _tells_no_hold(run, fit, perhaps_s):
         with contextlib.suppress(FitError):
             behind = _behind_hold(measured, perhaps_s, asked, cost)
             hold = np.log(np.abs(hold_response(measured.frequency_hz, perhaps_s)) ** 2).sum()
