@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import scipy.linalg
 
 import middeck as md
 from middeck.control.law.compensator import Compensator
@@ -31,3 +32,19 @@ def test_growth_and_rounding_about_zero_are_no_decay() -> None:
     assert not all_decay(np.array([-1e-6 + 1e-6j, 3e-9 + 1e-6j]))
     assert not all_decay(np.array([-1e-17 + 0j, -1e-15 + 0j]))
     assert not all_decay(np.array([-1.0 + 0j, -3e-9 + 0j]))
+
+
+@pytest.mark.parametrize(("period_s", "omega"), [(1e-3, 1e-4), (0.02, 1e-4), (1.0, 1e-6)])
+def test_an_integrator_of_a_slow_sampled_loop_does_not_decay(period_s: float, omega: float) -> None:
+    """States mixed by 100 move it by a hundred roundings: 57 of 300 were said to decay."""
+    rng = np.random.default_rng(0)
+    for _ in range(100):
+        A = np.diag([0.0, *-rng.uniform(0.1, 1.0, 4)]) + np.diag(rng.standard_normal(4), 1)
+        turned, _ = np.linalg.qr(rng.standard_normal((5, 5)))
+        mixed = turned * np.geomspace(1.0, 100.0, 5) @ np.linalg.qr(rng.standard_normal((5, 5)))[0]
+        z = np.linalg.eigvals(mixed @ scipy.linalg.expm(omega * period_s * A) @ np.linalg.inv(mixed))
+        assert not all_decay(np.log(z.astype(complex)) / period_s, period_s)
+
+
+def test_a_slow_sampled_loop_that_decays_does() -> None:
+    assert all_decay(np.array([-3e-9 + 3e-7j, -3e-9 - 3e-7j]), 0.1)

@@ -27,6 +27,8 @@ SLOWEST = 1e-7
 """Size of the fastest pole [rad/s] below which rounding of integrators is not told from a slow loop."""
 ROUNDINGS = 100.0
 """Growth, in roundings of a pole's frequency or rate, that counts as none."""
+MIXED = 1e4
+"""The same of a sampled loop that is slow: a pole at one moves by as many where states are mixed."""
 JOINED = 10.0
 """Change of A, in roundings, within which eigenvalues near zero that may coincide count as one."""
 CROWDED = 2e-6
@@ -65,7 +67,7 @@ def rest_limits(
     size = float(np.abs(rates[np.isfinite(rates)]).max(initial=0.0))
     if size < SLOWEST:
         return limits
-    known = ROUNDINGS * float(np.finfo(float).eps) / period_s if period_s else 0.0
+    known = MIXED * float(np.finfo(float).eps) / period_s if period_s else 0.0
     return np.minimum(limits, max(GROWTH_LIMIT * size, known))
 
 
