@@ -406,7 +406,8 @@ def test_hum_that_repeats_with_the_period_is_named_and_the_mode_beside_it_doubte
     y = y + 0.01 * np.std(y) * rng.standard_normal(y.shape)
     hum = 0.03 * np.std(y) * np.sin(2.0 * np.pi * 7.0 * np.arange(samples) / rate)[None, None, :, None]
     for added, standing in ((0.0, "sound"), (hum, "doubtful")):
-        record = Record(sample_hz=rate, u=u, y=y + added, inputs=(FORCE,), outputs=(TIP,), periodic=True)
+        ports = {"inputs": (FORCE,), "outputs": (TIP,)}
+        record = Record(sample_hz=rate, u=u, y=y + added, periodic=True, held=False, **ports)
         fit = fit_response(estimate_response(record))
         at = int(np.argmin(np.abs(fit.model.poles - w[0] * (1j * np.sqrt(1.0 - zeta[0] ** 2) - zeta[0]))))
         shown = [text for text in fit.warnings if "follows one line" in text]

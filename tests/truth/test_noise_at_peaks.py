@@ -102,7 +102,13 @@ def two_inputs(seed: int) -> tuple[md.Record, np.ndarray]:
         [md.Port(f"{name}{n}", unit) for n in "12"] for name, unit in (("force", "N"), ("tip", "m"))
     )
     record = md.Record(
-        sample_hz=hz, u=u.repeat(periods, axis=1), y=y, inputs=tuple(force), outputs=tuple(tip), periodic=True
+        sample_hz=hz,
+        u=u.repeat(periods, axis=1),
+        y=y,
+        inputs=tuple(force),
+        outputs=tuple(tip),
+        periodic=True,
+        held=False,
     )
     inverse = np.linalg.inv(U[:, driven[0, :, 0]].transpose(1, 0, 2))
     return record, deviation**2 * samples / periods * np.sum(np.abs(inverse) ** 2, axis=2)

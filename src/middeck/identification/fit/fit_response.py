@@ -88,6 +88,8 @@ from middeck.systems.sampling.zero_order_hold import hold_response, release_hold
 from middeck.values import record
 
 Cost = Literal["weighted", "likelihood", "logarithmic"]
+# Share of half the rate from which on a hold is unlike a delay: it takes 10 % of the magnitude there.
+WIDE = 0.5
 
 
 @record
@@ -183,8 +185,9 @@ def fit_asked(measured: FrequencyResponse, asked: FitOptions, cost: Cost = "weig
     The hold of the inputs is divided out. A first fit gives what sampling folds back, some thousandths of the
     response at an eighth of the rate, which is subtracted before a second fit. If the order is given, the
     second fit starts from the first, and from all other starts only if that leaves more than noise. Commands
-    that may have been held are fitted both ways, unless the first fit tells that they were not, or has no
-    delay: half a period of another delay would look like a hold.
+    that may have been held are fitted both ways where they reach far (`WIDE`) or the first fit has warnings,
+    unless it tells that they were not held, or has no delay: half a period of another delay would look like a
+    hold. Elsewhere a hold is as good as half a period of delay, which the model keeps.
     """
     hold_s = measured.hold_s
     if asked.sample_hz is not None:
@@ -193,8 +196,7 @@ def fit_asked(measured: FrequencyResponse, asked: FitOptions, cost: Cost = "weig
         return marked(_result(_behind_hold(measured, hold_s, asked, cost)), hold_s)
     run = _searched(measured, asked, cost)
     fit, perhaps_s = marked(_result(run), hold_s), measured.perhaps_held_s
-    asks = hold_s is None and cost == "weighted" and run.best.layout.options.delay_of is not None
-    if asks and perhaps_s and not _tells_no_hold(run, fit, perhaps_s):
+    if hold_s is None and perhaps_s and cost == "weighted" and _asks_for_hold(run, fit, perhaps_s):
         with contextlib.suppress(FitError):
             behind = _behind_hold(measured, perhaps_s, asked, cost)
             hold = np.log(np.abs(hold_response(measured.frequency_hz, perhaps_s)) ** 2).sum()
@@ -214,14 +216,20 @@ def _behind_hold(measured: FrequencyResponse, hold_s: float, asked: FitOptions, 
     return _searched(release_hold(alone), asked, cost, first.best)
 
 
-def _tells_no_hold(run: _Searched, fit: FitResult, hold_s: float) -> bool:
-    """Whether a fit without warnings has no share of a hold, by more deviations than chance."""
-    if fit.warnings:
+def _asks_for_hold(run: _Searched, fit: FitResult, hold_s: float) -> bool:
+    """Whether a model with a delay has warnings, or lines that reach far and do not tell that none was held.
+
+    They tell if a fit without warnings has no share of a hold, by more deviations than chance.
+    """
+    delayed = run.best.layout.options.delay_of is not None
+    if not delayed or fit.warnings:
+        return delayed
+    if run.measured.frequency_hz[-1] * hold_s < 0.5 * WIDE:
         return False
     term = [LackingTerm(kind="hold", rate_hz=1.0 / hold_s)]
     found = response_scores(term, fit.covariance, run.measured, run.followed.at(run.best.share))
     z, share = float(found.z[0]), float(found.value[0])
-    return z != 0.0 and 1.0 - share > TOLD * abs(share / z)
+    return z == 0.0 or 1.0 - share <= TOLD * abs(share / z)
 
 
 def _length(run: _Searched, scaled: float = 0.0) -> float:
