@@ -93,3 +93,9 @@ def test_an_empty_universal_file_is_called_empty(tmp_path: Path) -> None:
     (tmp_path / "a.unv").touch()
     with pytest.raises(md.MiddeckError, match="the file is empty"):
         load_measured_modes(tmp_path / "a.unv")
+
+
+@pytest.mark.parametrize("start", [md.fit_record, md.estimate_response, md.fit_response])
+def test_a_path_in_place_of_what_is_in_it(start: object) -> None:
+    with pytest.raises(md.MiddeckError, match=r"a str stands in .*\n.*(load_record|estimate_re)"):
+        start("a.npz")  # ty: ignore[call-non-callable]

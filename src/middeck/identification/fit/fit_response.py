@@ -85,7 +85,7 @@ from middeck.identification.uncertainty.model_unknowns import ModelStructure
 from middeck.identification.uncertainty.parameter_deviations import uncertainty_of
 from middeck.systems.plants.response import FrequencyResponse
 from middeck.systems.sampling.zero_order_hold import hold_response, release_hold
-from middeck.values import record
+from middeck.values import record, require_kind
 
 Cost = Literal["weighted", "likelihood", "logarithmic"]
 # Share of half the rate from which on a hold is unlike a delay: it takes 10 % of the magnitude there.
@@ -164,6 +164,7 @@ def fit_response(
     zero; `FitError` if the response is constant, all noise or too short for so many states, if an output
     leads its input, or if no start could be refined.
     """
+    require_kind(measured, FrequencyResponse, "response", "estimate_response(record)")
     asked = FitOptions(
         states=states,
         sample_hz=sample_hz,

@@ -77,6 +77,7 @@ from middeck.signals.excitation.driven_band import driven_band, floor_variance, 
 from middeck.signals.record import Record
 from middeck.systems.plants.response import FrequencyResponse
 from middeck.systems.sampling.zero_order_hold import release_inputs
+from middeck.values import require_kind
 
 # A model worth using explains nine tenths of the output.
 LEFT = 0.1
@@ -141,6 +142,7 @@ def fit_record(
     finite; `FitError` if the record is shorter than the unknowns, if it is described no worse as noise alone
     (the delay may be longer than the record), if an output leads its input, or if no start could be refined.
     """
+    require_kind(record, Record, "record", "load_record(path)")
     asked = FitOptions(
         states=states,
         constants=constants,

@@ -24,6 +24,7 @@ from middeck.signals.excitation.recognition import recognise_excitation
 from middeck.signals.excitation.repetition import blocks_of
 from middeck.signals.record import Record, RecordStream, stream_record
 from middeck.systems.plants.response import FrequencyResponse
+from middeck.values import require_kind
 
 # A run is read as periods if it has so many, and its inputs differ between them by no more than this share.
 FEWEST_PERIODS, REPEATED = 2, 0.01
@@ -92,6 +93,7 @@ def estimate_response(
     >>> round(float(abs(quarter)), 9), round(float(np.angle(quarter, deg=True)), 9)
     (2.0, -90.0)
     """
+    require_kind(record, Record | RecordStream, "record", "load_record(path)")
     found = response_scatter(
         record, band_hz=band_hz, method=method, reference=reference, controller=controller, segment=segment
     )
