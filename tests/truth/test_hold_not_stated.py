@@ -185,7 +185,7 @@ def test_a_response_to_held_commands_is_fitted_behind_the_hold(campaign: Callabl
 
 
 def test_a_response_to_commands_tells_whether_they_were_held_or_warns(campaign: Callable[..., range]) -> None:
-    """Noise and a narrower band do not tell; a stated hold is no question, nor is that of a measured input."""
+    """Much noise does not tell; a stated hold is no question, nor is that of a measured input."""
     for seed in campaign(20):
         known, doubted = repeated(seed, 3e-3, held=False), repeated(seed, 0.2, held=True, top=0.55)
         assert fit_response(estimate_response(known), states=2).warnings == ()
