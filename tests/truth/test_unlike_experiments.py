@@ -12,6 +12,7 @@ import pytest
 from cli_runner import middeck
 from middeck.files.records import write_record
 from middeck.identification.faults.detect import detect_faults
+from middeck.identification.faults.gains_of_experiments import gains_of_experiments
 from middeck.identification.faults.unlike_experiments import find_unlike_experiments
 from middeck.identification.spectra.estimate import estimate_response
 from middeck.signals.ports import Port
@@ -149,3 +150,10 @@ def test_a_fit_that_is_refused_names_it(tmp_path: Path, capfd: pytest.CaptureFix
     ended = middeck(capfd, "identify", path, "--states", 6, "--json")
     message = ended.err if ended.code else " ".join(json.loads(ended.out)["warnings"])
     assert "opposite sign of experiment 0" in message
+
+
+@pytest.mark.parametrize("periodic", [False, True])
+def test_inputs_that_do_not_move_say_nothing_of_gains(periodic: bool) -> None:
+    y = np.random.default_rng(0).standard_normal((2, 1, 256, 1))
+    ports = {"inputs": (Port("force", "N"),), "outputs": (Port("tip", "m"),)}
+    assert gains_of_experiments(Record(sample_hz=100.0, u=0.0 * y, y=y, periodic=periodic, **ports)) is None

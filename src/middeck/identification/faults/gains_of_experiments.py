@@ -82,7 +82,7 @@ def _spectra(record: Record) -> tuple[np.ndarray, np.ndarray]:
     U, Y = (np.fft.rfft(x, axis=1)[:, 1:-1].swapaxes(0, 1) for x in (u, y))
     power = np.sum(np.abs(U) ** 2 / np.maximum(np.mean(np.abs(U) ** 2, axis=0), 1e-300), axis=(1, 2))
     driven = np.flatnonzero(power > DRIVEN * power.max())
-    use = driven if record.periodic else slice(driven[0], driven[-1] + 1)
+    use = driven if record.periodic or not len(driven) else slice(driven[0], driven[-1] + 1)
     return U[use], Y[use]
 
 
