@@ -3,7 +3,7 @@
 A fit of samples gives each block a free motion of its own. In a band B, modes of free motion follow a
 response of any form up to a blow that comes soon after the block begins: a time t holds 2 B t numbers, and
 each mode has two. Residues were then known to several times their size. Longer blocks decide: what was
-recorded before, or rest, with its noise, where the record begins at rest.
+recorded before, or rest, where the record begins at rest.
 """
 
 from __future__ import annotations
@@ -38,19 +38,8 @@ def before_blows(
 
 def _led(y: Float[np.ndarray, "sample output"], blow: Blow, lead: int) -> Float[np.ndarray, "lead output"]:
     missing = max(lead - blow.first, 0)
-    return np.concatenate([_rest(_early(y, blow), missing), y[blow.first - lead + missing : blow.first]])
-
-
-def _rest(early: Float[np.ndarray, "some output"], count: int) -> Float[np.ndarray, "count output"]:
-    """So many samples more of what is ``early``: its pieces about its level, in any order and of any sign.
-
-    Beside a level without noise all other noise would seem to grow with the response.
-    """
-    rng, level, pieces = np.random.default_rng(0), early.mean(axis=0), -(-count // FEWEST)
-    starts = rng.integers(0, max(len(early) - FEWEST, 0) + 1, pieces)
-    signs = rng.choice([-1.0, 1.0], pieces)
-    noise = [sign * (early - level)[k : k + FEWEST] for k, sign in zip(starts, signs, strict=True)]
-    return level + np.concatenate([np.zeros((0, early.shape[1])), *noise])[:count]
+    rest = np.tile(_early(y, blow).mean(axis=0), (missing, 1))
+    return np.concatenate([rest, y[blow.first - lead + missing : blow.first]])
 
 
 def _most(y: Float[np.ndarray, "sample output"], blow: Blow, blows: Sequence[Blow], most: int) -> int:
