@@ -74,7 +74,8 @@ def test_of_a_hundred_steady_records_one_at_most_is_doubted(periods, samples, ca
         record, _ = a_record(100 + seed, periods=periods, samples=samples, noise=1e-2, start=False)
         found = steadied(record)
         reported += bool(found.what)
-        assert found.what or found.record is record
+        # What forces shake and is taken out is no start in words, but counts in the variance.
+        assert found.what or found.record is record or found.unknown.any()
     assert reported <= len(seeds) / 100
 
 
