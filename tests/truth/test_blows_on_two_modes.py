@@ -12,7 +12,7 @@ RATE = 250.0
 
 
 @pytest.mark.parametrize("apart", [0.005, 0.0])
-def test_one_mode_in_the_place_of_two_is_told(apart: float):
+def test_one_mode_in_the_place_of_two_is_reported(apart: float):
     """It was tens of deviations off in silence, as noise of the force may leave a residual at a peak, too."""
     hz, zeta = (
         12.0 * np.array([1.0 - 0.5 * apart, 1.0 + 0.5 * apart]),

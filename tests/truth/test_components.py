@@ -123,7 +123,7 @@ def test_the_error_falls_with_the_modes_kept(seed):
 @pytest.mark.parametrize(
     "reduction", [{"count": 2}, {"count": 6}, {"count": 2, "residual": ["m"]}, {"count": 16}]
 )
-def test_what_a_reduction_leaves_out_is_told_mode_by_mode(reduction, tmp_path):
+def test_what_a_reduction_leaves_out_is_reported_mode_by_mode(reduction, tmp_path):
     """Against the whole article: a bound to first order, close where modes are low."""
     orbit = md.Environment.orbit()
     for seed in repeats(range(40, 50), 2):
@@ -133,20 +133,20 @@ def test_what_a_reduction_leaves_out_is_told_mode_by_mode(reduction, tmp_path):
         count = len(modes.omega)
         true = md.solve_modes(md.solve_equilibrium(whole, orbit)).frequency_hz[6:count]
         off = modes.frequency_hz[6:] / true - 1.0
-        (told,) = estimate_reduction_error(modes, count)
-        assert np.all(told[:6] == 0.0)
+        (stated,) = estimate_reduction_error(modes, count)
+        assert np.all(stated[:6] == 0.0)
         # Modes that lie close exchange some of their shares, to second order.
-        assert np.all(off < 1.25 * told[6:] + 1e-6)
+        assert np.all(off < 1.25 * stated[6:] + 1e-6)
         # What residual vectors leave is of higher modes than the lowest left out: twice its share at most.
         low = modes.frequency_hz[6:] < 0.3 * article.components[0].next_hz
-        assert np.all(told[6:][low] < 2.0 * off[low] + 1e-6)
+        assert np.all(stated[6:][low] < 2.0 * off[low] + 1e-6)
         lines = [line for line in modes.warnings if "lacks its modes" in line]
-        assert bool(lines) == bool(np.any(told[: modes.judged] > 1e-3))
+        assert bool(lines) == bool(np.any(stated[: modes.judged] > 1e-3))
     made = article.components[0]
     write_component(tmp_path / "part.npz", made)
     again = dataclasses.replace(article, components=(load_component(tmp_path / "part.npz"),))
     found = md.solve_modes(md.solve_equilibrium(again, orbit), count)
-    np.testing.assert_array_equal(estimate_reduction_error(found, count)[0], told)
+    np.testing.assert_array_equal(estimate_reduction_error(found, count)[0], stated)
 
 
 def _environments(rng):

@@ -184,7 +184,7 @@ def test_a_response_to_held_commands_is_fitted_behind_the_hold(campaign: Callabl
         assert abs(fit.model.delay_s[0] - DELAY) < 4.5 * fit.uncertainty.delay_s[0]
 
 
-def test_a_response_to_commands_tells_whether_they_were_held_or_warns(campaign: Callable[..., range]) -> None:
+def test_a_response_to_commands_says_whether_they_were_held_or_warns(campaign: Callable[..., range]) -> None:
     """Much noise does not tell; a stated hold is no question, nor is that of a measured input."""
     for seed in campaign(20):
         known, doubted = repeated(seed, 3e-3, held=False), repeated(seed, 0.2, held=True, top=0.55)

@@ -20,7 +20,7 @@ from middeck.values import record as frozen
 
 # Powers of frequency in a window, the zeroth among them.
 TERMS = 3
-# Added to columns of unit size: rounding, where experiments do not tell the inputs apart.
+# Added to columns of unit size: rounding, where experiments have inputs alike.
 RIDGE = 1e-13
 # Rows of a window for each unknown; windows from which gains are estimated.
 ROWS, FEWEST = 2.0, 6
@@ -37,6 +37,10 @@ TURNS, SETTLED = 50, 0.05
 NEIGHBOURS = 11
 # Times the median weight that a window may have.
 HEAVIEST = 10.0
+# Longest step in the logarithm of a gain; share below which changes of two experiments are one.
+LONGEST, ALIKE = 0.5, 1e-12
+# Keeps quotients of what is zero finite.
+TINY = 1e-300
 
 
 @frozen
@@ -80,7 +84,7 @@ def _spectra(record: Record) -> tuple[np.ndarray, np.ndarray]:
     else:
         u, y = (x.reshape(len(x), -1, x.shape[3]) for x in (record.u, record.y))
     U, Y = (np.fft.rfft(x, axis=1)[:, 1:-1].swapaxes(0, 1) for x in (u, y))
-    power = np.sum(np.abs(U) ** 2 / np.maximum(np.mean(np.abs(U) ** 2, axis=0), 1e-300), axis=(1, 2))
+    power = np.sum(np.abs(U) ** 2 / np.maximum(np.mean(np.abs(U) ** 2, axis=0), TINY), axis=(1, 2))
     driven = np.flatnonzero(power > DRIVEN * power.max())
     use = driven if record.periodic or not len(driven) else slice(driven[0], driven[-1] + 1)
     return U[use], Y[use]
@@ -107,39 +111,50 @@ def _changes(
     A: Complex[np.ndarray, "window row column"], Y: Complex[np.ndarray, "window experiment line"], forced: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Changes of gain of one output, their probability by chance, and their median over windows."""
-    count, experiments, width = Y.shape
+    experiments = Y.shape[1]
     G = A.conj().mT @ A
     solve = np.linalg.inv(G + RIDGE * A.shape[1] * np.eye(A.shape[2])) @ A.conj().mT
-    own = np.repeat(np.eye(experiments)[:, 1:], width, axis=0)  # which rows are an experiment's
     change = np.zeros(experiments - 1)
     for _ in range(TURNS):
-        y = (Y * np.exp(-np.append(0.0, change))[:, None]).reshape(count, -1, 1)
-        theta = solve @ y
-        left = y - A @ theta
-        X = (A[:, :, :forced] @ theta[:, :forced]) * own
-        X = X - A @ (solve @ X)
-        spread = np.sum(np.abs(left) ** 2, axis=1)[:, 0] / (A.shape[1] - A.shape[2])
-        if width == 1:
-            spread = scipy.ndimage.uniform_filter1d(spread, NEIGHBOURS, mode="mirror")
-        weight = 1.0 / (spread + LEAST * np.mean(np.abs(y) ** 2, axis=1)[:, 0] + 1e-300)
-        M = np.real(X.conj().mT @ X) * weight[:, None, None]
-        v = np.real(X.conj().mT @ left)[:, :, 0] * weight[:, None]
-        heavy = np.trace(M, axis1=1, axis2=2)
-        less = np.minimum(1.0, HEAVIEST * np.median(heavy) / np.maximum(heavy, 1e-300))
-        M, v = M * less[:, None, None], v * less[:, None]
-        inverse = np.linalg.pinv(M.sum(axis=0), rcond=1e-12, hermitian=True)
+        M, v = _scores(A, solve, Y * np.exp(-np.append(0.0, change))[:, None], forced)
+        inverse = np.linalg.pinv(M.sum(axis=0), rcond=ALIKE, hermitian=True)
         step = inverse @ v.sum(axis=0)
-        change = change + np.clip(step, -0.5, 0.5)
+        change = change + np.clip(step, -LONGEST, LONGEST)
         scores = (v - M @ step) @ inverse
         by_windows = np.sum(scores**2, axis=0)
-        sure = np.sqrt(np.maximum(np.maximum(0.5 * np.diagonal(inverse), by_windows), 1e-300))
+        sure = np.sqrt(np.maximum(np.maximum(0.5 * np.diagonal(inverse), by_windows), TINY))
         if np.all(np.abs(step) < SETTLED * sure):
             break
-    degrees = np.maximum(by_windows**2 / np.maximum(np.sum(scores**4, axis=0), 1e-300), 1.0)
+    degrees = np.maximum(by_windows**2 / np.maximum(np.sum(scores**4, axis=0), TINY), 1.0)
     chance = 2.0 * scipy.stats.t.sf(np.abs(change) / sure, degrees)
     known = np.diagonal(M, axis1=1, axis2=2)
-    ratio = change + v / np.maximum(known, 1e-300)
+    ratio = change + v / np.maximum(known, TINY)
     return change, chance, np.array([_median(*x) for x in zip(ratio.T, known.T, strict=True)])
+
+
+def _scores(
+    A: Complex[np.ndarray, "window row column"],
+    solve: Complex[np.ndarray, "window column row"],
+    Y: Complex[np.ndarray, "window experiment line"],
+    forced: int,
+) -> tuple[Float[np.ndarray, "window change change"], Float[np.ndarray, "window change"]]:
+    """Normal matrix and right side of a step in the changes of gain, of each window by its own noise."""
+    count, experiments, width = Y.shape
+    own = np.repeat(np.eye(experiments)[:, 1:], width, axis=0)  # which rows are an experiment's
+    y = Y.reshape(count, -1, 1)
+    theta = solve @ y
+    left = y - A @ theta
+    X = (A[:, :, :forced] @ theta[:, :forced]) * own
+    X = X - A @ (solve @ X)
+    spread = np.sum(np.abs(left) ** 2, axis=1)[:, 0] / (A.shape[1] - A.shape[2])
+    if width == 1:
+        spread = scipy.ndimage.uniform_filter1d(spread, NEIGHBOURS, mode="mirror")
+    weight = 1.0 / (spread + LEAST * np.mean(np.abs(y) ** 2, axis=1)[:, 0] + TINY)
+    M = np.real(X.conj().mT @ X) * weight[:, None, None]
+    v = np.real(X.conj().mT @ left)[:, :, 0] * weight[:, None]
+    heavy = np.trace(M, axis1=1, axis2=2)
+    less = np.minimum(1.0, HEAVIEST * np.median(heavy) / np.maximum(heavy, TINY))
+    return M * less[:, None, None], v * less[:, None]
 
 
 def _median(x: Float[np.ndarray, " window"], weight: Float[np.ndarray, " window"]) -> float:

@@ -186,9 +186,7 @@ def fit_asked(measured: FrequencyResponse, asked: FitOptions, cost: Cost = "weig
     The hold of the inputs is divided out. A first fit gives what sampling folds back, some thousandths of the
     response at an eighth of the rate, which is subtracted before a second fit. If the order is given, the
     second fit starts from the first, and from all other starts only if that leaves more than noise. Commands
-    that may have been held are fitted both ways where they reach far (`WIDE`) or the first fit has warnings,
-    unless it tells that they were not held, or has no delay: half a period of another delay would look like a
-    hold. Elsewhere a hold is as good as half a period of delay, which the model keeps.
+    that may have been held are fitted both ways where `_asks_for_hold`.
     """
     hold_s = measured.hold_s
     if asked.sample_hz is not None:
@@ -199,11 +197,15 @@ def fit_asked(measured: FrequencyResponse, asked: FitOptions, cost: Cost = "weig
     fit, perhaps_s = marked(_result(run), hold_s), measured.perhaps_held_s
     if hold_s is None and perhaps_s and cost == "weighted" and _asks_for_hold(run, fit, perhaps_s):
         with contextlib.suppress(FitError):
-            behind = _behind_hold(measured, perhaps_s, asked, cost)
-            hold = np.log(np.abs(hold_response(measured.frequency_hz, perhaps_s)) ** 2).sum()
-            shorter = _length(run) - _length(behind, float(hold) * measured.H[0].size)
-            return chosen_hold(fit, marked(_result(behind), perhaps_s), shorter, perhaps_s)
+            return _held_or_not(run, fit, _behind_hold(measured, perhaps_s, asked, cost), perhaps_s)
     return fit
+
+
+def _held_or_not(run: _Searched, fit: FitResult, behind: _Searched, hold_s: float) -> FitResult:
+    """The fit, or that ``behind`` the hold, by their description of the response with the hold in it."""
+    hold = np.log(np.abs(hold_response(run.measured.frequency_hz, hold_s)) ** 2).sum()
+    shorter = _length(run) - _length(behind, float(hold) * run.measured.H[0].size)
+    return chosen_hold(fit, marked(_result(behind), hold_s), shorter, hold_s)
 
 
 def _behind_hold(measured: FrequencyResponse, hold_s: float, asked: FitOptions, cost: Cost) -> _Searched:
@@ -218,9 +220,11 @@ def _behind_hold(measured: FrequencyResponse, hold_s: float, asked: FitOptions, 
 
 
 def _asks_for_hold(run: _Searched, fit: FitResult, hold_s: float) -> bool:
-    """Whether a model with a delay has warnings, or lines that reach far and do not tell that none was held.
+    """Whether a hold is looked for: the fit has warnings, or lines that reach far (`WIDE`) and allow a hold.
 
-    They tell if a fit without warnings has no share of a hold, by more deviations than chance.
+    They do not if the share of a hold in what is left is below one by more deviations than chance. Elsewhere
+    a hold is as good as half a period of delay, which the model keeps; a model without delay is not asked:
+    half a period of another delay would look like a hold.
     """
     delayed = run.best.layout.options.delay_of is not None
     if not delayed or fit.warnings:

@@ -2,6 +2,8 @@
 
 import dataclasses
 
+import numpy as np
+
 from middeck.identification.fit.fit_result import FitResult, marked
 
 # Difference of description length, of models with as many unknowns, that chance reaches in a record of 100.
@@ -65,7 +67,7 @@ def chosen_hold(released: FitResult, held: FitResult, shorter: float, hold_s: fl
     """
     if shorter > CHANCE:
         return taken_as_held(released, held, shorter, AS_HELD, 1.0 / hold_s)
-    late = released.uncertainty.delay_s
-    if shorter < -CHANCE or not any(0.0 < one < 0.5 * hold_s / MOVED for one in late.ravel()):
+    deviation = released.uncertainty.delay_s
+    if shorter < -CHANCE or not np.any((deviation > 0.0) & (deviation < 0.5 * hold_s / MOVED)):
         return released
     return _doubted(released, ALIKE.format(ms=500.0 * hold_s))

@@ -36,8 +36,8 @@ DECAYS = (0.3, 1.0, 3.0, 10.0, 30.0, 100.0)
 # What each unknown costs beyond half of ln n. The largest of n lines of noise stands ln n above their mean,
 # of differences over a period twice that, and noise that is coloured has peaks of its own.
 DEAR = 6.0
-# Turns below which a motion is too slow for one of an article that forces shake; and how much more than the
-# best in the reversed record does a motion must bring to be told as a transient.
+# Turns below which a motion is too slow for one of an article that forces shake; and how many
+# times what the best motion of the reversed record brings a motion must bring to be called a transient.
 SLOW, BACK = 2.0, 3.0
 # Lines to either side of a motion's own that its noise is seen on.
 AROUND = 10
@@ -239,8 +239,8 @@ def _backwards(left: Float[np.ndarray, "sample column"]) -> float:
 def _gain(before: np.ndarray, after: np.ndarray, sigma: float, omega: float) -> float:
     """Log likelihood that a motion brings, by the noise that is left on the lines around it.
 
-    Forces that shake the article move it at its own frequencies too: `_motions` tells. The bias of a gyro
-    walks: noise may grow towards rest as 1/f^2, and what is left on faster lines counts for so much more.
+    Forces that shake the article move it at its own frequencies too (`_motions`). The bias of a gyro walks:
+    noise may grow towards rest as 1/f^2, and what is left on faster lines counts for so much more.
     """
     count = len(after)
     half = AROUND + int(2.0 * sigma * count / np.pi)
@@ -284,7 +284,11 @@ def _basis(
 ) -> Float[np.ndarray, "sample column"]:
     """n^power exp(p n) as real columns, real parts first."""
     n = np.arange(count)[:, None]
-    motion = np.exp(poles * n) * (n / count) ** power
+    return _as_real(np.exp(poles * n) * (n / count) ** power)
+
+
+def _as_real(motion: Complex[np.ndarray, "sample pole"]) -> Float[np.ndarray, "sample column"]:
+    """Motions as real columns, real parts first."""
     return np.concatenate([motion.real, -motion.imag], axis=1)
 
 
@@ -318,7 +322,7 @@ def _step(theta: np.ndarray, target: np.ndarray, below: float) -> Step | None:
         return None
     n = np.arange(len(target))[:, None]
     motion = np.exp(poles * n)
-    basis = _centred(np.concatenate([motion.real, -motion.imag], axis=1))
+    basis = _centred(_as_real(motion))
     Q, R = np.linalg.qr(basis)
     size = np.abs(np.diag(R))
     if not np.isfinite(basis).all() or size.min() <= SAME * size.max():

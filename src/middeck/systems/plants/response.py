@@ -39,10 +39,10 @@ class FrequencyResponse:
     once; None for a computed response. ``covariance`` says also how its entries err together, where known.
     ``hold_s`` is the period over which the inputs were held, whose hold is in H; zero where there is none in
     it, None where that is not known (`release_hold`); the inputs may then have been commands that were held
-    over ``perhaps_held_s``. ``alike`` neighbouring lines show no more
-    of the noise than one, as under a window: the sum of their squared correlations over all lags; one of
-    whole periods, whose lines share nothing; None where that is not known, and one is taken.
-    ``warnings`` are of faults that bias it and that no variance counts.
+    over ``perhaps_held_s``. ``alike`` neighbouring lines show no more of the noise than one, as under a
+    window: the sum of their squared correlations over all lags; one of whole periods, whose lines share
+    nothing; None where that is not known, and one is taken. ``warnings`` are of faults that bias it and that
+    no variance counts.
     """
 
     frequency_hz: Float[np.ndarray, " line"]

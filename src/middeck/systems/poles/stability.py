@@ -24,7 +24,7 @@ GROWTH_LIMIT = 1e-8
 """Largest real part [rad/s] that still counts as stable: above rounding at an undamped pole, far below any
 growth that an experiment could show (a factor e in three years)."""
 SLOWEST = 1e-7
-"""Size of the fastest pole [rad/s] below which rounding of integrators is not told from a slow loop."""
+"""Size of the fastest pole [rad/s] below which rounding of integrators looks like a slow loop."""
 ROUNDINGS = 100.0
 """Growth, in roundings of a pole's frequency or rate, that counts as none."""
 MIXED = 1e4
