@@ -120,7 +120,7 @@ def describe(made: Reduced) -> dict[str, Any]:
         "mass_kg": whole.mass,
         "centre_m": whole.cg,
         "inertia_kg_m2": whole.inertia,
-        "warnings": (),
+        "warnings": made.warnings,
     }
 
 

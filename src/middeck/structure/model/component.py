@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from middeck.errors import ConfigError
+from middeck.structure.model.clamps import check_axes
 from middeck.values import record
 
 WAYS = ("x", "y", "z", "turn about x", "turn about y", "turn about z")
@@ -158,6 +159,10 @@ def component_faults(component: Component) -> Iterator[str]:
     named = {"stiffness": component.stiffness, "mass": component.mass}
     named |= {} if component.damping is None else {"damping": component.damping}
     faults = [fault for what, matrix in named.items() for fault in _not_finite(component, what, matrix)]
+    try:
+        check_axes(component.axes, name)
+    except ConfigError as error:
+        faults.append(f"{error.what}; the matrices of a mirrored part are others: mirror them")
     if not faults:
         # Neither units nor a stiffness that is rounding alone, of a determinate boundary, have a say in them;
         # and a mass is no vaguer for a stiff tie from grid to grid.

@@ -15,7 +15,7 @@ form, so that K_qq is diagonal and M_qq one.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -36,11 +36,12 @@ from middeck.structure.eigenproblem.eigen import ROUNDING, Eigenpairs, all_cost_
 from middeck.structure.eigenproblem.rigid_or_rounding import separate_rigid
 from middeck.structure.elements.frames import Configuration, placed, rigid_columns
 from middeck.structure.elements.motion_since_drawn import carried_by, carried_step
-from middeck.structure.model.article import JointState, Structure
+from middeck.structure.model.article import DamperPlace, JointState, Structure
 from middeck.structure.model.clamps import Clamp
 from middeck.structure.model.component import WAYS, Component, require_component
 from middeck.structure.model.environment import Environment
-from middeck.structure.rest.equilibrium import solve_equilibrium
+from middeck.structure.modes.motions.dampers import damper_matrix
+from middeck.structure.rest.equilibrium import Equilibrium, solve_equilibrium
 
 # Residual vectors with less than this part of the energy of a whole answer are combinations of others, or
 # rounding.
@@ -54,13 +55,15 @@ FIRST = 16
 class Reduced(NamedTuple):
     """A component; frequencies [Hz] of its fixed-interface modes, and how many coordinates residuals added.
 
-    ``next_hz`` is the first frequency left out: infinite where none is.
+    ``next_hz`` is the first frequency left out: infinite where none is. ``warnings`` say which damping of the
+    article the component has not.
     """
 
     component: Component
     fixed_hz: Float[np.ndarray, " mode"]
     residual: int
     next_hz: float
+    warnings: tuple[str, ...] = ()
 
 
 def reduce_structure(
@@ -108,7 +111,8 @@ def reduce_structure(
     def of_nodes(names: Sequence[str]) -> np.ndarray:
         return (6 * np.array([nodes.index(n) for n in names], dtype=int)[:, None] + np.arange(6)).ravel()
 
-    held = _held(structure, boundary)
+    at = solve_equilibrium(structure, Environment.orbit())
+    held = _held(structure, at, boundary)
     free = [i for i, joint in enumerate(structure.joints) if joint.state is JointState.FREE]
     rows = np.concatenate([of_nodes(boundary), 6 * held.model.tree.roots + np.array(free, dtype=int)])
     motions, own = _independent(held, rows)
@@ -116,6 +120,7 @@ def reduce_structure(
     loaded = (in_world @ motions)[of_nodes(residual)]
     columns, cut, kept = _basis(held, motions, _as_body(held)[own], len(rows), loaded, count, upto_hz)
     inner = motions @ columns
+    moved = in_world @ inner
     mass = inner.T @ (carried_mass(*held) @ inner)
     component = Component(
         name=name or "component",
@@ -124,12 +129,35 @@ def reduce_structure(
         positions=held.config.x[[nodes.index(b) for b in boundary]],
         stiffness=_stiffness(held, inner, len(rows)),
         mass=0.5 * (mass + mass.T),
+        damping=_dampers(at, moved),
         outputs=tuple(f"{node} {way}" for node in recover for way in WAYS),
-        recovery=(in_world @ inner)[of_nodes(recover)] if recover else None,
+        recovery=moved[of_nodes(recover)] if recover else None,
         next_hz=kept[-1],
         left_out=0.5 * (cut + cut.T) if np.isfinite(kept[-1]) else None,
     )
-    return Reduced(require_component(component), *kept)
+    return Reduced(require_component(component), *kept, tuple(_losses_left_out(structure)))
+
+
+def _dampers(at: Equilibrium, motions: np.ndarray) -> np.ndarray | None:
+    """Viscous damping of what moves inside; None where no damper does."""
+    damping = damper_matrix(at, at.model.structure.damping, motions)
+    return 0.5 * (damping + damping.T) if np.any(damping) else None
+
+
+def _losses_left_out(structure: Structure) -> Iterator[str]:
+    """Damping that no viscous matrix has, and dampers of the environment."""
+    lossy = [name for name, eta in structure.damping.loss_factor if eta != 0.0]
+    if lossy:
+        yield (
+            f"the loss factors of {len(lossy)} members ({lossy[0]!r} first) are not in the component: a "
+            "matrix of dampers has none; give the article that takes it a ratio of its own ([damping])"
+        )
+    away = [damper.at for damper in structure.damping.dampers if damper.place is DamperPlace.DEVICE]
+    if away:
+        yield (
+            f"the dampers of the environment at {', '.join(away)} are not in the component: give them to the "
+            "article that takes it, which has the attach points"
+        )
 
 
 class _Held(NamedTuple):
@@ -148,8 +176,7 @@ class _Held(NamedTuple):
         return strain_energies(*self, motions) + motions.T @ (geometric_tangent(*self) @ motions)
 
 
-def _held(structure: Structure, boundary: Sequence[str]) -> _Held:
-    at = solve_equilibrium(structure, Environment.orbit())
+def _held(structure: Structure, at: Equilibrium, boundary: Sequence[str]) -> _Held:
     locked = [
         dataclasses.replace(joint, state=JointState.LOCKED) if joint.state is JointState.FREE else joint
         for joint in structure.joints

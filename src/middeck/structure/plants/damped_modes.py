@@ -16,9 +16,10 @@ from scipy.optimize import linear_sum_assignment
 
 from middeck.errors import NumericalError
 from middeck.structure.model.article import Damping
+from middeck.structure.modes.motions.dampers import damper_matrix
 from middeck.structure.modes.motions.strain_shares import member_deformations
 from middeck.structure.modes.solve import Modes
-from middeck.structure.plants.damping import damper_matrix, find_mode, member_losses, ratios_by_cause
+from middeck.structure.plants.damping import find_mode, member_losses, ratios_by_cause
 from middeck.structure.rest.equilibrium import Equilibrium
 
 

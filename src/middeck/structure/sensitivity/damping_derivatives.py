@@ -9,13 +9,13 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from middeck.structure.model.article import Damping, DampingTable
+from middeck.structure.modes.motions.dampers import damper_matrix
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.damped_modes import shared_losses
 from middeck.structure.plants.damping import (
     RatiosByCause,
     base_parts,
     base_ratios,
-    damper_matrix,
     find_mode,
     material_ratios,
     ratios_by_cause,
