@@ -114,7 +114,7 @@ def average_blows(
         inputs=record.inputs,
         outputs=record.outputs,
         periodic=False,
-        held=bool(record.held),  # a hammer's force is measured
+        held=record.held,
     )
     tau = _time_constant(blocks, END) if window_s is None else window_s
     spectra = _spectra(blocks, tau)
