@@ -114,7 +114,7 @@ def average_blows(
         inputs=record.inputs,
         outputs=record.outputs,
         periodic=False,
-        held=bool(record.held),  # a hammer's force is measured
+        held=record.held,
     )
     tau = _time_constant(blocks, END) if window_s is None else window_s
     spectra = _spectra(blocks, tau)
@@ -144,7 +144,7 @@ def average_blows(
         blocks=blocks,
         before=before,
         led=led,
-        rest=np.concatenate([_at_rest_under(x, window, -(-KEPT // len(good))) for x, window in struck]),
+        rest=_at_rest_under(struck, -(-KEPT // len(good)) * len(good)),
         window_s=float(tau),
         blows=blows,
         warnings=(
@@ -189,12 +189,23 @@ def _force_window(size: int, blow: Blow) -> Float[np.ndarray, " sample"]:
 
 
 def _at_rest_under(
-    x: Float[np.ndarray, " sample"], window: Float[np.ndarray, " sample"], most: int
+    struck: Sequence[tuple[Float[np.ndarray, " sample"], Float[np.ndarray, " sample"]]], most: int
 ) -> Float[np.ndarray, "part sample"]:
-    """The signal after a blow, in parts as long as its window, each under it."""
-    long = int(np.count_nonzero(window))
-    starts = range(long, len(x) - long + 1, long)[:most]
-    return np.array([window * np.roll(x - np.median(x), -k) for k in starts]).reshape(len(starts), len(x))
+    """The force after the blows, in parts as long as the window of each in turn, under it.
+
+    Rest shorter than a window is joined, and used again: blocks that have none of a window's length have as
+    much noise of the force as others.
+    """
+    rest = np.concatenate([(x - np.median(x))[np.flatnonzero(window)[-1] + 1 :] for x, window in struck])
+    if not len(rest):
+        return np.zeros((0, len(struck[0][0])))
+    longest = max(int(np.count_nonzero(window)) for _, window in struck)
+    count = min(max(len(rest) // longest, 1), most)
+    parts = np.resize(rest, (count, longest))
+    windows = np.stack([struck[k % len(struck)][1] for k in range(count)])
+    found = np.zeros(windows.shape)
+    found[:, :longest] = parts * windows[:, :longest]
+    return found
 
 
 def _at_rest(

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.errors import ConfigError
-from middeck.identification.fit.fit_response import FitResult, fit_response
+from middeck.identification.fit.fit_response import FitResult, fit_response, marked
 from middeck.identification.impact.averaged_blows import ImpactTest
 from middeck.identification.impact.scatter_of_blows import with_scatter
 from middeck.identification.model.fit_options import usual_constants
@@ -51,7 +51,9 @@ def fit_impact(
         options.setdefault("sampled", False)
         record = _with_what_was_before(test)
         noise = _with_lead(test.rest[..., None], test.before.shape[1])
-        return fit_record(record, band_hz=(first, last), input_noise=noise, **options)
+        found = fit_record(record, band_hz=(first, last), input_noise=noise, **options)
+        # A hammer's force is measured, unless the blows are likelier as those of a simulation in steps.
+        return marked(found, 0.0) if found.model.hold_s is None and not found.model.sample_hz else found
     if np.isfinite(test.window_s) and not {"direct", "relative_degree"} & set(options):
         # No terms for modes outside the band but a constant: a window makes others of 1/s^2.
         constants = options.get("constants") or usual_constants(test.response.outputs, None)

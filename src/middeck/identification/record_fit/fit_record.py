@@ -61,6 +61,7 @@ from middeck.identification.record_fit.record_terms import record_lacks, record_
 from middeck.identification.record_fit.refine_record import LIGHTEST, WEIGHTINGS, RecordRun, Weighting
 from middeck.identification.record_fit.sensor_or_force_noise import negative_log_likelihood, noise_variance
 from middeck.identification.record_fit.undeclared_hold import NYQUIST, TRIED, given_as_commands, without_hold
+from middeck.identification.record_fit.unlike_blows import score_of_unlike_blows, warnings_on_unlike
 from middeck.identification.record_fit.unneeded_modes_and_sines import Tidied, tidied, with_modes_as_two
 from middeck.identification.record_fit.warnings_on_two_modes import (
     modes_perhaps_two,
@@ -448,6 +449,7 @@ def _result(
     said += warnings_on_deviations(lines, covariance, of_samples=True)
     lacks = NOTHING if fitted.sample_hz else record_lacks(run, data, covariance, heard)
     wrong = [*residual_growth.warnings_on_growth(record, score), *_undamped(lines, model, fit)]
+    wrong += warnings_on_unlike(score_of_unlike_blows(measured, record, data, run, found_covariance, heard))
     wrong += warnings_on_two(fit)
     if model.sample_hz is None:
         ends = float(lines.frequency_hz[0]), float(lines.frequency_hz[-1])

@@ -12,7 +12,10 @@ from middeck.identification.problem.residual_and_slopes import Terms
 from middeck.identification.problem.transient import transient_slopes
 from middeck.identification.problem.transient_projection import TransientProjection, as_real
 from middeck.identification.record_fit.refine_record import RecordRun
-from middeck.identification.record_fit.sensor_or_force_noise import covering_variance
+from middeck.identification.record_fit.sensor_or_force_noise import (
+    common_noise_of_residual,
+    covering_variance,
+)
 from middeck.identification.uncertainty import orthogonal
 from middeck.identification.uncertainty.covariance import MOST_LEVERAGE, ModelCovariance
 from middeck.identification.uncertainty.model_unknowns import ModelStructure, places_of, ties
@@ -165,7 +168,8 @@ def _scores_spread(
 
     Degrees of freedom are counted on each line. Noise of the inputs is alike for all outputs, and each
     experiment has its own. What is left is no less than inputs' noise of the power ``least`` makes: a fit
-    follows it on the few driven lines of a peak.
+    follows it on the few driven lines of a peak. What outputs leave in common counts as such: noise of a
+    measured input, or a disturbance, is in all of them.
     """
     run, data = each.run, each.data
     shape = run.denominator(data)
@@ -175,6 +179,8 @@ def _scores_spread(
     scores = np.zeros((columns, W.shape[1], len(noise)))
     H = model_response(each.model, data.omega / (2.0 * np.pi))
     N = _spectra(noise, data) / np.sqrt(max(len(noise), 1))
+    common = common_noise_of_residual(residual, data.driven)
+    along: list[np.ndarray] = []
     for o in range(run.layout.outputs):
         J, own = each.of(o)
         at = np.flatnonzero(J.any(axis=(1, 2)))
@@ -184,11 +190,19 @@ def _scores_spread(
         left = 1.0 - np.minimum(followed.reshape(columns, lines, 2).mean(axis=2), MOST_LEVERAGE)
         v = covering_variance(residual[o, None], shape, left.T[None], data.driven)[0]
         v = np.maximum(v, np.sum(np.abs(H[:, o]) ** 2 * least, axis=1)[:, None])
-        spread += Q @ ((rows * np.repeat(0.5 * (v / run.variance[o]).T, 2)) @ rows.T) @ Q.T
+        scaled = rows * np.repeat(np.sqrt(0.5 * (v / run.variance[o]).T), 2)
+        if common is None:
+            spread += Q @ (scaled @ scaled.T) @ Q.T
+        else:
+            along.append(Q @ scaled)
         heard = np.sum(H[:, o] * N, axis=2) / np.sqrt(run.variance[o].T[:, None])
         scores += (
             Q
             @ rows.reshape(len(rows), columns, -1).swapaxes(0, 1)
             @ np.ascontiguousarray(heard).view(float).mT
         )
+    if common is not None:
+        each_line = np.array(along).view(complex).reshape(len(along), len(spread), columns, lines)
+        joint = np.einsum("opl,pdcl->odcl", common, each_line, optimize=True)
+        spread = np.real(np.einsum("odcl,ofcl->df", each_line.conj(), joint, optimize=True))
     return spread + np.einsum("edp,efp->df", scores, scores)

@@ -14,6 +14,7 @@ powers), far above the noise beside them. Driven and silent lines are therefore 
 
 from __future__ import annotations
 
+import itertools
 from typing import Literal
 
 import numpy as np
@@ -24,6 +25,8 @@ Noise = Literal["output", "motion"]
 HALF, SHARE = 15, 0.1
 # No line is quieter than this share of the average: rounding, filters and what no model follows.
 QUIETEST = 1e-6
+# Mean square coherence of independent noise is one over its degrees of freedom: what is twice that is common.
+COMMON = 2.0
 # Turns of the search for both kinds of noise at once, and the least of their sum over the median power.
 TURNS, LEAST = 10, 0.01
 
@@ -91,6 +94,33 @@ def lines_alike(driven: Bool[np.ndarray, " line"] | None, lines: int) -> list[Bo
     return [np.ones(lines, bool)] if driven is None else [driven, ~driven]
 
 
+def common_noise_of_residual(
+    residual: Complex[np.ndarray, "output line column"], driven: Bool[np.ndarray, " line"] | None = None
+) -> Complex[np.ndarray, "output output line"] | None:
+    """Correlation of the outputs' noise on each line, from neighbouring lines; None where it may be chance.
+
+    Phases to an input turn over a peak, alike in all outputs that it drives.
+    """
+    outputs, lines, columns = residual.shape
+    if outputs < 2 or driven is not None:
+        return None
+    half = max(1, min(HALF, int(SHARE * lines)))
+    power = np.array([_average(row, half) for row in np.mean(np.abs(residual) ** 2, axis=2)])
+    found = np.ones((outputs, outputs, lines), complex)
+    for o, p in itertools.combinations(range(outputs), 2):
+        cross = np.mean(residual[o] * residual[p].conj(), axis=1)
+        both = _average(cross.real, half) + 1j * _average(cross.imag, half)
+        found[o, p] = both / np.sqrt(np.maximum(power[o] * power[p], np.finfo(float).tiny))
+        found[p, o] = found[o, p].conj()
+    off = (np.mean(np.abs(found) ** 2) * outputs - 1.0) / (outputs - 1)
+    return found if off > COMMON * np.sum(_hann(half) ** 2) / columns else None
+
+
+def _hann(half: int) -> Float[np.ndarray, " some"]:
+    window = np.hanning(2 * half + 3)[1:-1]
+    return window / window.sum()
+
+
 def _variance_of_both(
     residual: Complex[np.ndarray, "output line column"],
     shape: Float[np.ndarray, " line"],
@@ -135,9 +165,8 @@ def denominator(
 
 def _average(power: Float[np.ndarray, " line"], half: int) -> Float[np.ndarray, " line"]:
     """Over neighbours, near ones more (a Hann window)."""
-    window = np.hanning(2 * half + 3)[1:-1]
     padded = np.pad(power, half, mode="reflect" if len(power) > half else "edge")
-    return np.convolve(padded, window / window.sum(), mode="valid")
+    return np.convolve(padded, _hann(half), mode="valid")
 
 
 def negative_log_likelihood(
