@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Sequence
+
 import numpy as np
 from jaxtyping import Complex, Float
 
@@ -180,7 +183,7 @@ def _scores_spread(
     H = model_response(each.model, data.omega / (2.0 * np.pi))
     N = _spectra(noise, data) / np.sqrt(max(len(noise), 1))
     common = common_noise_of_residual(residual, data.driven)
-    along: list[np.ndarray] = []
+    parts: list[tuple[np.ndarray, np.ndarray]] = []
     for o in range(run.layout.outputs):
         J, own = each.of(o)
         at = np.flatnonzero(J.any(axis=(1, 2)))
@@ -194,7 +197,7 @@ def _scores_spread(
         if common is None:
             spread += Q @ (scaled @ scaled.T) @ Q.T
         else:
-            along.append(Q @ scaled)
+            parts.append((Q, scaled.view(complex)))
         heard = np.sum(H[:, o] * N, axis=2) / np.sqrt(run.variance[o].T[:, None])
         scores += (
             Q
@@ -202,7 +205,23 @@ def _scores_spread(
             @ np.ascontiguousarray(heard).view(float).mT
         )
     if common is not None:
-        each_line = np.array(along).view(complex).reshape(len(along), len(spread), columns, lines)
-        joint = np.einsum("opl,pdcl->odcl", common, each_line, optimize=True)
-        spread = np.real(np.einsum("odcl,ofcl->df", each_line.conj(), joint, optimize=True))
+        spread = _spread_of_common(parts, np.tile(common, columns))
     return spread + np.einsum("edp,efp->df", scores, scores)
+
+
+def _spread_of_common(
+    parts: Sequence[tuple[Float[np.ndarray, "direction row"], Complex[np.ndarray, "row line"]]],
+    common: Complex[np.ndarray, "output output line"],
+) -> Float[np.ndarray, "direction direction"]:
+    """Covariance of scores of all outputs, whose noise is correlated on each line.
+
+    Pairs of outputs by their own few rows: rows in all directions of many outputs would fill the memory.
+    """
+    at = np.cumsum([0, *(Q.shape[1] for Q, _ in parts)])
+    joint = np.zeros((at[-1], at[-1]))
+    for (o, (_, one)), (p, (_, other)) in itertools.combinations_with_replacement(enumerate(parts), 2):
+        both = np.real((one.conj() * common[o, p]) @ other.T)
+        joint[at[o] : at[o + 1], at[p] : at[p + 1]] = both
+        joint[at[p] : at[p + 1], at[o] : at[o + 1]] = both.T
+    Q = np.hstack([Q for Q, _ in parts])
+    return Q @ joint @ Q.T
