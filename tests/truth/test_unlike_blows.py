@@ -84,7 +84,8 @@ def held_blows(*, seed):
         force_noise=0.0,
         seed=seed,
     )
-    force, y = shape.u[:, 0, :, 0], 0.0
+    force = shape.u[:, 0, :, 0]
+    y = np.zeros(force.shape)
     for hz, zeta, phi in zip(TWO_HZ, TWO_ZETA, (1.0, -0.7), strict=True):
         pole = 2.0 * np.pi * hz * (-zeta + 1j * np.sqrt(1.0 - zeta**2))
         grown = np.exp(pole / RATE)
