@@ -142,10 +142,17 @@ def _power(
     noise: Float[np.ndarray, "part sample input"],
     floor: Float[np.ndarray, "*lines input"] | float,
 ) -> Float[np.ndarray, "line input"]:
-    """Power of noise of inputs: given, by periods, or as much of a floor as the residual has room for."""
-    data = each.data
+    """Power of noise of inputs: given, by periods, or of a floor."""
     if len(noise):
-        return np.mean(np.abs(_spectra(noise, data)) ** 2, axis=0)
+        return np.mean(np.abs(_spectra(noise, each.data)) ** 2, axis=0)
+    return known_power(each, floor)
+
+
+def known_power(
+    each: Rows, floor: Float[np.ndarray, "*lines input"] | float
+) -> Float[np.ndarray, "line input"]:
+    """Power of steady noise of inputs: as much of a floor as the residual has room for."""
+    data = each.data
     most = np.broadcast_to(floor, (len(data.s), data.U.shape[1]))
     if data.driven is not None:
         return most * data.driven[:, None]

@@ -13,13 +13,13 @@ from collections.abc import Iterator
 
 import numpy as np
 import scipy.stats
-from jaxtyping import Complex
+from jaxtyping import Complex, Float
 
 from middeck.identification.fit.unneeded_modes import pairs_of
-from middeck.identification.model.measurement_model import MeasurementModel, path_delay
+from middeck.identification.model.measurement_model import MeasurementModel, model_response, path_delay
 from middeck.identification.problem.data import Data
 from middeck.identification.problem.residual_and_slopes import Terms
-from middeck.identification.record_fit.record_covariance import Rows
+from middeck.identification.record_fit.record_covariance import Rows, known_power
 from middeck.identification.record_fit.record_terms import parts_of_noise
 from middeck.identification.record_fit.refine_record import RecordRun
 from middeck.identification.record_fit.residual_tests import Heard
@@ -34,7 +34,12 @@ SHIFT = 1e-6
 
 
 def chance_of_no_second(
-    run: RecordRun, data: Data, covariance: ModelCovariance, m: int, heard: Heard
+    run: RecordRun,
+    data: Data,
+    covariance: ModelCovariance,
+    m: int,
+    heard: Heard,
+    floor: Float[np.ndarray, " input"] | float = 0.0,
 ) -> float:
     """Probability of a residual that is as much of the form of a second mode beside pair ``m``.
 
@@ -43,8 +48,13 @@ def chance_of_no_second(
     of two would pass for noise of forces.
     """
     residual, model = run.residual(data), covariance.model
-    sensors = dataclasses.replace(run, variance=noise_variance(residual, driven=data.driven))
-    each = Rows(sensors, data, model, covariance.structure)
+    each = Rows(run, data, model, covariance.structure)
+    variance = noise_variance(residual, driven=data.driven)
+    if not heard.size:
+        H = model_response(model, data.omega / (2.0 * np.pi))
+        power = np.sum(np.abs(H) ** 2 * known_power(each, floor)[:, None], axis=2)
+        variance = variance + power.T[:, :, None]
+    each.run = dataclasses.replace(run, variance=variance)
     driven = _driven(data, model, int(np.argmin(np.abs(model.poles - pairs_of(run)[m]))))
     outputs, lines, columns = residual.shape
     free = _free(run, data, m)

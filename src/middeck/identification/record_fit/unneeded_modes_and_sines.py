@@ -42,6 +42,7 @@ from middeck.identification.record_fit.residual_tests import Heard, heard_of
 from middeck.identification.record_fit.second_mode import chance_of_no_second
 from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.identification.uncertainty.parameter_deviations import uncertainty_of
+from middeck.signals.excitation.driven_band import floor_variance
 from middeck.signals.record import Record
 from middeck.values import record as frozen
 
@@ -262,7 +263,9 @@ def _with_mark(record: Record, state: Tidied, two: Tidied, m: int) -> Tidied:
     gained = 2.0 * (run.likelihood - two.run.likelihood)
     if gained < scipy.stats.chi2.isf(BY_CHANCE, record_unknowns(two.run) - record_unknowns(run)):
         return state
-    chance = chance_of_no_second(run, state.data, covariance_of(record, state), m, state.heard(record))
+    floor = floor_variance(record.u.reshape(len(record.u), -1, record.u.shape[3]))
+    heard = state.heard(record)
+    chance = chance_of_no_second(run, state.data, covariance_of(record, state), m, heard, floor)
     if chance > (OF_NOISE if state.of_forces else OF_FORM):
         return state
     return dataclasses.replace(state, perhaps_two=(*state.perhaps_two, _mode_hz(state, m)))
