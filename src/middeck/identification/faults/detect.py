@@ -10,6 +10,7 @@ from middeck.identification.faults.against_reference import compare_with_referen
 from middeck.identification.faults.collocated_channels import find_pair_faults
 from middeck.identification.faults.equal_runs import FaultDraft, Runs, Signal, fault, levels_of
 from middeck.identification.faults.gaps_clipping_and_dropouts import (
+    find_clipped_mean,
     find_clipping,
     find_dropouts,
     find_gaps,
@@ -170,7 +171,8 @@ def _channel_faults(
         hint = "check cable and gain, or leave the channel out"
         return gaps or [fault("dead", what, hint, severity="unusable", samples=((0, len(x)),))]
     levels = levels_of(x)
-    found = [*gaps, *find_clipping(x, levels)]
+    clipped = find_clipping(x, levels) or (find_clipped_mean(x, period) if periodic else [])
+    found = [*gaps, *clipped]
     found += find_dropouts(x, levels, period=period, is_input=is_input)
     found += [] if driven is None else find_spikes(x, levels, driven)
     found += find_offset(x, port.unit, is_input=is_input)
