@@ -11,11 +11,14 @@ from scipy.signal import chirp, lfilter
 from struck_plant import shaken
 from test_closed_loop_records import bare, cut
 
+from middeck.errors import FitError
 from middeck.identification.faults.detect import detect_faults
 from middeck.identification.faults.lost_samples_and_feedback import find_relation_faults
 from middeck.identification.faults.stuck_and_gain_drift import find_gain_drift, find_stuck
 from middeck.identification.faults.unlike_experiments import find_unlike_experiments
+from middeck.identification.fit.fit_response import fit_response
 from middeck.identification.record_fit.fit_record import fit_record
+from middeck.identification.spectra.estimate import estimate_response
 from middeck.signals.ports import Port
 from middeck.signals.record import Record
 
@@ -105,6 +108,15 @@ def test_a_fit_of_a_short_record_names_the_delay() -> None:
     (warning,) = (w for w in fitted.warnings if "after the inputs" in w)
     assert abs(int(warning.split()[3]) - delay) <= 12
     assert "sound" not in fitted.standing
+
+
+def test_a_response_that_is_noise_is_refused_with_its_delay() -> None:
+    """The response knew that the output answers 5 s after the inputs; its fit asked for more periods."""
+    record = shaken((np.array([3.2]), np.array([0.02]), [400.0], 5.0), 480, HZ, (0.3, 8.0), noise=1e-2)
+    with pytest.warns(UserWarning, match="answers 10. samples"):
+        measured = estimate_response(record)
+    with pytest.raises(FitError, match=r"all lines are noise.*answers 10. samples"):
+        fit_response(measured, states=2)
 
 
 @pytest.mark.parametrize(("samples", "noise", "share"), [(300, 0.3, 0.9), (400, 0.3, 0.9), (400, 1.0, 0.6)])

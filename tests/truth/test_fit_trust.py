@@ -60,6 +60,21 @@ def test_a_sine_that_no_input_makes_is_no_mode(hz, size, name):
     assert sum("without an input that drives it" in w for w in fit.warnings) == 1
 
 
+def test_a_sine_beside_a_mode_is_named_where_the_order_was_asked_for():
+    """It was sought only where the order was chosen, and a damping beside it was off in silence."""
+    plant = (np.array([10.0]), np.array([0.004]), [300.0], DELAY)
+    record = dataclasses.replace(shaken(plant, 512, RATE, (1.0, 40.0), noise=3e-3), held=False)
+    fit = fit_record(with_hum(record, 9.75, 0.04), states=2)
+    assert is_right(fit, plant)
+    (line,) = fit.lines
+    assert abs(line.hz - 9.75) < 0.5 * line.deviation_hz
+
+
+def test_a_mode_that_the_order_has_no_room_for_is_no_sine():
+    two = dataclasses.replace(shaken(PLANT, 512, RATE, (1.0, 40.0), noise=1e-3), held=False)
+    assert fit_record(two, states=2).lines == ()
+
+
 def test_mains_are_named_in_either_grid():
     assert name_line(49.98, 0.01) == "mains 50 Hz"
     assert name_line(179.9, 0.01) == "harmonic 3 of mains 60 Hz"

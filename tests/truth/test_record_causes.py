@@ -354,3 +354,12 @@ def test_a_fit_of_which_much_is_left_names_spikes_and_dropouts(fault: str, messa
     fit = fit_record(dataclasses.replace(record, y=y), states=2, sampled=False)
     assert any(re.search(message, text) for text in fit.warnings)
     assert fit_record(record, states=2, sampled=False).warnings == ()
+
+
+def test_samples_lost_by_a_clipped_output_are_named() -> None:
+    """The limit alone was named, and the worse fault, three lost samples, was not."""
+    record = shaken((np.array([6.0]), np.array([0.02]), [300.0], 0.0), 2010, 100.0, (1, 40), noise=0.003)
+    limit = 1.8 * record.y.std()
+    for lost, kinds in ((3, {"clipping", "shift"}), (0, {"clipping"})):
+        y = np.delete(np.clip(record.y[0, 0], -limit, limit), slice(900, 900 + lost), axis=0)
+        assert {f.kind for f in of(record.u[0, 0, :2000], y[:2000])} == kinds

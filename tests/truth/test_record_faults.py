@@ -741,6 +741,23 @@ def test_sines_clipped_before_noise_are_clipped_and_whole_ones_are_not(
             assert {"clipping"} & {f.kind for f in detect_faults(heard(rng, y + noise))} == kinds
 
 
+def test_a_clipped_period_that_repeats_is_found_below_noise_by_the_mean_of_all() -> None:
+    """Noise of 2 %: in the samples of 16 periods 5 of 20 were found."""
+    for seed in range(6):
+        rng, n = np.random.default_rng([75, seed]), 1000
+        period = np.fft.irfft(np.append(0.0, np.exp(2j * np.pi * rng.random(120))), n)
+        for limit in (1.6, 9.0):
+            clean = np.tile(np.clip(period / period.std(), -limit, limit), 16)
+            y = clean + 0.02 * rng.standard_normal(16 * n)
+            shape = (1, 16, n, 1)
+            record = Record(
+                sample_hz=HZ, u=np.tile(period, 16).reshape(shape), y=y.reshape(shape), periodic=True,
+                inputs=(Port("force", "N"),), outputs=(Port("tip", "m"),),
+            )  # fmt: skip
+            kinds = [f.kind for f in detect_faults(record)]
+            assert kinds.count("clipping") == (limit < 9.0), seed
+
+
 @pytest.mark.parametrize("cycle", [13, 23, 27, 45])
 def test_peaks_between_two_samples_are_not_clipped(cycle: int) -> None:
     """A sine of an odd number of samples a cycle, in steps of 16 bits, repeats its two largest samples."""

@@ -10,6 +10,7 @@ from middeck.identification.faults.against_reference import compare_with_referen
 from middeck.identification.faults.collocated_channels import find_pair_faults
 from middeck.identification.faults.equal_runs import FaultDraft, Runs, Signal, fault, levels_of
 from middeck.identification.faults.gaps_clipping_and_dropouts import (
+    find_clipped_mean,
     find_clipping,
     find_dropouts,
     find_gaps,
@@ -103,6 +104,12 @@ def detect_faults(record: Record, reference: FrequencyResponse | None = None) ->
         found += find_relation_faults(clean)
         found += find_unlike_experiments(clean)
         found += find_gain_drift(clean)
+    # A limit moves no response in time: samples lost on one side show beside it.
+    limited = None if struck else _without(record, found, (*MISSING, *(k for k in LOCAL if k != "clipping")))
+    if limited is not None:
+        cut = {(f.channel, f.experiment) for f in found if f.side == "output" and f.kind == "clipping"}
+        related = find_relation_faults(limited) if cut else []
+        found += [f for f in related if f.kind == "shift" and (f.channel, f.experiment) in cut]
     if reference is not None and not any(f.kind in MISSING for f in found):
         found += compare_with_reference(record, reference)
     return tuple(sorted(found, key=lambda f: SEVERITIES.index(f.severity)))
@@ -170,7 +177,8 @@ def _channel_faults(
         hint = "check cable and gain, or leave the channel out"
         return gaps or [fault("dead", what, hint, severity="unusable", samples=((0, len(x)),))]
     levels = levels_of(x)
-    found = [*gaps, *find_clipping(x, levels)]
+    clipped = find_clipping(x, levels) or (find_clipped_mean(x, period) if periodic else [])
+    found = [*gaps, *clipped]
     found += find_dropouts(x, levels, period=period, is_input=is_input)
     found += [] if driven is None else find_spikes(x, levels, driven)
     found += find_offset(x, port.unit, is_input=is_input)

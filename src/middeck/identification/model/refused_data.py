@@ -134,7 +134,12 @@ def check_response(measured: FrequencyResponse, unknowns: int) -> None:
         variance = None if measured.variance is None else measured.variance[:, o]
         if variance is not None and _is_noise(row, variance):
             raise FitError(
-                "all lines are noise: the response is no larger than its standard deviation",
+                ": ".join(
+                    (
+                        "all lines are noise: the response is no larger than its standard deviation",
+                        *measured.warnings,
+                    )
+                ),
                 where=f"output {output.name}",
                 hint="more periods, a larger excitation, or leave the output out",
             )

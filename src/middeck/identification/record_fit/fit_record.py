@@ -62,7 +62,12 @@ from middeck.identification.record_fit.refine_record import LIGHTEST, WEIGHTINGS
 from middeck.identification.record_fit.sensor_or_force_noise import negative_log_likelihood, noise_variance
 from middeck.identification.record_fit.undeclared_hold import NYQUIST, TRIED, given_as_commands, without_hold
 from middeck.identification.record_fit.unlike_blows import score_of_unlike_blows, warnings_on_unlike
-from middeck.identification.record_fit.unneeded_modes_and_sines import Tidied, tidied, with_modes_as_two
+from middeck.identification.record_fit.unneeded_modes_and_sines import (
+    Tidied,
+    tidied,
+    with_modes_as_two,
+    with_sines_beside,
+)
 from middeck.identification.record_fit.warnings_on_two_modes import (
     modes_perhaps_two,
     warnings_on_perhaps_two,
@@ -313,10 +318,10 @@ def _searched(
             tell("modes that are none, or two")
         if states is None:
             fitted = tidied(record, data, run, sampled=sampled, input_noise=input_noise)
-        elif sampled:
-            fitted = Tidied(data=data, run=run, lines=())
         else:
-            fitted = with_modes_as_two(record, data, run, input_noise)
+            fitted = Tidied(data=data, run=run, lines=(), input_noise=input_noise)
+            fitted = with_sines_beside(record, fitted)
+            fitted = fitted if sampled else with_modes_as_two(record, fitted)
         return _Found(data, run, fitted, reason)
 
 

@@ -34,6 +34,7 @@ from middeck.identification.fit.unneeded_modes import (
 )
 from middeck.identification.problem.data import Data
 from middeck.identification.problem.unknowns_layout import Start
+from middeck.identification.record_fit.missed_modes import grown
 from middeck.identification.record_fit.record_covariance import record_covariance
 from middeck.identification.record_fit.record_order import record_length, record_unknowns
 from middeck.identification.record_fit.reduced_record import has_many_outputs
@@ -119,14 +120,28 @@ def tidied(
     return _with_modes_in_two(record, dataclasses.replace(found, perhaps_two=()))
 
 
-def with_modes_as_two(
-    record: Record,
-    data: Data,
-    run: RecordRun,
-    input_noise: Float[np.ndarray, "part sample input"] | None = None,
-) -> Tidied:
+def with_sines_beside(record: Record, state: Tidied) -> Tidied:
+    """A model of the order asked for and the sines beside it; none where that lacks a mode.
+
+    A mode that the model lacks stands above the lines beside it, too, but the inputs drive it.
+    """
+    found = _with_hidden_lines(record, state)
+    return state if found.lines and _lacks_a_mode(record, state, found) else found
+
+
+def _lacks_a_mode(record: Record, state: Tidied, with_sines: Tidied) -> bool:
+    """Whether a pair more, which the inputs drive, is the shorter description in the place of sines."""
+    run, size = state.run, state.run.layout.states + 2
+    start = grown(state.data, run.layout.options.sized(size), run)
+    more = None if start is None else _refined(state, start)
+    if more is None or _length(more) > _length(with_sines):
+        return False
+    new = int(np.argmin(np.abs(np.imag(pairs_of(more.run)) - 2.0 * np.pi * with_sines.lines[0].hz)))
+    return bool(_significance(record, more)[new] >= DOUBTFUL)
+
+
+def with_modes_as_two(record: Record, state: Tidied) -> Tidied:
     """A continuous model of the order asked for, its least needed mode given up for one that is two."""
-    state = Tidied(data=data, run=run, lines=(), input_noise=input_noise)
     state = state if state.of_forces else _with_twins_apart(state)
     data, run = state.data, state.run
     for m in range(run.layout.pairs):
@@ -189,6 +204,7 @@ def _as_line(record: Record, state: Tidied, m: int) -> Tidied | None:
 def _lines_at(record: Record, state: Tidied, modes: Sequence[int]) -> list[SteadyLine]:
     """Lines in the place of modes that do not decay."""
     of, poles = uncertainty_of(covariance_of(record, state)).natural_hz, pairs_of(state.run)
+    of = np.minimum(of, 1.0 / state.data.length_s)  # a pole that hardly moves the response has no deviation
     both = [(float(poles[m].imag) / (2.0 * np.pi), float(of[m])) for m in modes]
     return [SteadyLine(hz, deviation_hz, name_line(hz, deviation_hz)) for hz, deviation_hz in both]
 
@@ -344,16 +360,33 @@ def _with_hidden_lines(record: Record, state: Tidied) -> Tidied:
     """The data with sines in the residual, where no pole was spent on them."""
     while len(state.lines) < MOST_LINES:
         omega = _highest_line(record, state)
-        if omega is None:
-            return state
-        hz, apart = omega / (2.0 * np.pi), 1.0 / state.data.length_s
-        line = SteadyLine(hz, apart, name_line(hz, apart))
-        run = state.run
-        found = _better(state, with_line(state.data, omega), run.start, (*state.lines, line))
+        found = None if omega is None else _with_line_near(state, omega)
         if found is None:
             return state
         state = found
     return state
+
+
+def _with_line_near(state: Tidied, omega: float) -> Tidied | None:
+    """The fit with a sine near ``omega`` [rad/s], at most a line away; None if its description is longer.
+
+    What a mode beside it took up of the sine moves the peak of the residual.
+    """
+    best, half = _with_line_at(state, omega), np.pi / state.data.length_s
+    for way in (-half, half):
+        for steps in (1, 2):
+            found = _with_line_at(state, omega + steps * way)
+            if found is None or (best is not None and _length(found) >= _length(best)):
+                break
+            best = found
+    return None if best is None or _length(best) > _length(state) else best
+
+
+def _with_line_at(state: Tidied, omega: float) -> Tidied | None:
+    hz, apart = omega / (2.0 * np.pi), 1.0 / state.data.length_s
+    line = SteadyLine(hz, apart, name_line(hz, apart))
+    other = dataclasses.replace(state, data=with_line(state.data, omega), lines=(*state.lines, line))
+    return _refined(other, state.run.start)
 
 
 def _highest_line(record: Record, state: Tidied) -> float | None:
