@@ -187,7 +187,8 @@ def test_an_order_is_bettered_by_one_that_gains_on_all_lines_of_a_mode_or_beyond
 def test_a_record_of_a_distorted_signal_has_the_modes_of_the_article_alone(seed, cubic, measured):
     """Distortion repeats with the signal: it lies on one line in three, far above the noise between them.
 
-    A second mode beside one at 9 Hz, of four deviations or less, was kept as it followed that. Noise of the measured input does not repeat, and moves nothing.
+    A second mode beside one at 9 Hz, of four deviations or less, was kept as it followed that. Noise of the
+    measured input does not repeat, and moves nothing.
     """
     record = distorted(seed, cubic)
     noise = np.random.default_rng([5, seed]).standard_normal(record.u.shape)

@@ -248,7 +248,7 @@ def _in_two(state: Tidied, m: int) -> Tidied | None:
 
 
 def _is_shorter(record: Record, state: Tidied, two: Tidied, m: int) -> bool:
-    """Whether mode ``m`` in two is clearly shorter; beside noise of forces or distortion, neither doubtful."""
+    """Whether mode ``m`` in two is clearly shorter; beside noise of forces or distortion, none doubtful."""
     if _length(two) + CLEARLY > _length(state):
         return False
     least = DOUBTFUL if state.of_forces or not _leaves_noise(two) else NOTHING
@@ -258,6 +258,7 @@ def _is_shorter(record: Record, state: Tidied, two: Tidied, m: int) -> bool:
 def _over_silent(state: Tidied) -> Float[np.ndarray, "output line"]:
     """Power left on each driven line over that of the silent ones beside it, summed over experiments."""
     driven, at = state.data.driven, np.arange(len(state.data.s))
+    assert driven is not None
     left, noise = np.sum(np.abs(state.run.residual(state.data)) ** 2, axis=2), state.run.variance.mean(axis=2)
     silent = np.array([np.interp(at[driven], at[~driven], v[~driven]) for v in noise])
     return left[:, driven] / silent
