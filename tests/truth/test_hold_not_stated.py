@@ -85,6 +85,17 @@ def test_a_hold_that_leaves_doubts_is_reported() -> None:
     assert any("if they were held" in text for text in fit.warnings)
 
 
+def test_steps_that_are_taken_as_not_held_are_warned_of() -> None:
+    """A mode beyond their band: the held fit is the longer one, and half a period was in the delay."""
+    rng, w, zeta = np.random.default_rng([257, 5]), 2.0 * np.pi * 13.0, 0.0015
+    p = w * (-zeta + 1j * np.sqrt(1.0 - zeta**2))
+    u = np.repeat(rng.choice([-1.0, 0.0, 1.0], 32), 16)
+    y = lfilter([0.0, np.expm1(p / RATE) / p * w], [1.0, -np.exp(p / RATE)], u + 0j).imag
+    y += 1e-4 * y.std() * rng.standard_normal(len(y))
+    fit = fit_record(record_of(u, y, periodic=False), states=4, sampled=False)
+    assert fit.model.hold_s == 1.0 / RATE or any("if they were held" in text for text in fit.warnings)
+
+
 def test_a_filter_is_not_taken_for_a_hold() -> None:
     """Band-limited inputs, and a sensor behind a slow filter: the doubts stay, and the hold is not known."""
     rng = np.random.default_rng(7)

@@ -13,7 +13,6 @@ from middeck.identification.model.steady_simulation import folded_modes, folded_
 from middeck.signals.record import Record
 from middeck.systems.sampling.zero_order_hold import release_inputs
 
-
 # Share of half the rate from which a mode of a first model may stand for what is folded back there.
 NEAR_HALF = 0.9
 
