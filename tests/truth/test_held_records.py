@@ -375,7 +375,7 @@ def test_a_mode_below_the_band_is_folded_back_as_those_within_are(seed: int) -> 
 
 @pytest.mark.parametrize("seed", repeats([2, 3, 1]))
 def test_a_pole_near_half_the_rate_that_stands_for_what_is_folded_back_is_not_folded(seed: int) -> None:
-    """White commands, lines up to half the rate: 5 of 9 records had two to four pairs more, and doubts."""
+    """White commands, lines up to half the rate: 5 of 9 records had two to five pairs more, and doubts."""
     rng, rate_hz, w, zeta = np.random.default_rng([261, seed]), 64.0, 2.0 * np.pi * 19.2, 0.012
     p = w * (-zeta + 1j * np.sqrt(1.0 - zeta**2))
     u = rng.standard_normal(320)
