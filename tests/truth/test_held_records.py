@@ -371,3 +371,23 @@ def test_a_mode_below_the_band_is_folded_back_as_those_within_are(seed: int) -> 
     within = int(np.argmax(natural_hz(fit.model)))
     assert fit.standing[within] == "sound"
     assert abs(natural_hz(fit.model)[within] - hz[1]) < 4.0 * fit.uncertainty.natural_hz[within]
+
+
+@pytest.mark.parametrize("seed", repeats([2, 3, 1]))
+def test_a_pole_near_half_the_rate_that_stands_for_what_is_folded_back_is_not_folded(seed: int) -> None:
+    """White commands, lines up to half the rate: 5 of 9 records had two to five pairs more, and doubts."""
+    rng, rate_hz, w, zeta = np.random.default_rng([261, seed]), 64.0, 2.0 * np.pi * 19.2, 0.012
+    p = w * (-zeta + 1j * np.sqrt(1.0 - zeta**2))
+    u = rng.standard_normal(320)
+    y = (
+        w
+        / p.imag
+        * ss.lfilter([0.0, np.expm1(p / rate_hz) / p * w], [1.0, -np.exp(p / rate_hz)], u + 0j).imag
+    )
+    y += 0.005 * y.std() * rng.standard_normal(len(y))
+    u, y = u[None, None, :, None], y[None, None, :, None]
+    given = Record(sample_hz=rate_hz, u=u, y=y, inputs=PORTS[0], outputs=PORTS[1], periodic=False, held=True)
+    fit = fit_record(given, sampled=False)
+    assert fit.warnings == ()
+    assert abs(natural_hz(fit.model)[0] - 19.2) < 4.5 * fit.uncertainty.natural_hz[0]
+    assert fit.model.states == 2

@@ -16,7 +16,7 @@ from middeck.signals.ports import Port
 from middeck.signals.record import Record
 from repeats import LONG
 
-RATE, COUNT, DELAY = 64.0, 1024 if LONG else 320, 0.0072
+RATE, COUNT, DELAY = 64.0, 512 if LONG else 320, 0.0072
 ZETA = 0.012
 
 
@@ -62,10 +62,10 @@ def test_a_hold_that_the_record_does_not_say_is_recognised(
     drive: Callable[[np.random.Generator], np.ndarray], campaign: Callable[..., range]
 ) -> None:
     """Half a period was in the delay, thousands of deviations; 15 of 16 sweeps had extra modes and doubts."""
-    states = None if LONG else 2
     for seed in campaign(20):
         record, hz = measured(drive, seed)
-        fit = fit_record(record, states=states, sampled=False)
+        searched = LONG and seed % 5 == 1  # the order, which takes ten times as long
+        fit = fit_record(record, states=None if searched else 2 * len(hz), sampled=False)
         assert fit.model.hold_s == 1.0 / RATE
         assert "held inputs, which the record does not say" in fit.order_reason
         assert fit.warnings == ()
@@ -83,6 +83,17 @@ def test_a_hold_that_leaves_doubts_is_reported() -> None:
     fit = fit_record(record, states=2 * len(hz), sampled=False)
     assert fit.model.hold_s is None
     assert any("if they were held" in text for text in fit.warnings)
+
+
+def test_steps_that_are_taken_as_not_held_are_warned_of() -> None:
+    """A mode beyond their band: the held fit is the longer one, and half a period was in the delay."""
+    rng, w, zeta = np.random.default_rng([257, 5]), 2.0 * np.pi * 13.0, 0.0015
+    p = w * (-zeta + 1j * np.sqrt(1.0 - zeta**2))
+    u = np.repeat(rng.choice([-1.0, 0.0, 1.0], 32), 16)
+    y = lfilter([0.0, np.expm1(p / RATE) / p * w], [1.0, -np.exp(p / RATE)], u + 0j).imag
+    y += 1e-4 * y.std() * rng.standard_normal(len(y))
+    fit = fit_record(record_of(u, y, periodic=False), states=4, sampled=False)
+    assert fit.model.hold_s == 1.0 / RATE or any("if they were held" in text for text in fit.warnings)
 
 
 def test_a_filter_is_not_taken_for_a_hold() -> None:
@@ -127,7 +138,7 @@ def test_noise_held_over_one_sample_is_a_command(campaign: Callable[..., range])
 
 def test_a_hold_that_is_likelier_but_not_sure_is_told() -> None:
     """Commands below 0.4 of half the rate: half a period in the delay, many deviations, in silence."""
-    fit = fit_record(noisy(0.01, low_noise, 0), states=4 if LONG else 2)
+    fit = fit_record(noisy(0.03 if LONG else 0.01, low_noise, 0), states=4 if LONG else 2)
     assert abs(fit.model.delay_s[0] - DELAY) > 20.0 * fit.uncertainty.delay_s[0]
     assert any("half a sample period" in text for text in fit.warnings)
 

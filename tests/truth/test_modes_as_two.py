@@ -99,6 +99,33 @@ def test_two_modes_that_a_record_does_not_distinguish_are_doubted(hz: list[float
         assert found.run.layout.pairs == 1
 
 
+def repeating(hz: list[float], seed: int) -> Record:
+    """Three periods of a multisine on 200 lines through displacements, exact; 0.8 % noise."""
+    rng, f = np.random.default_rng([260, seed]), np.fft.rfftfreq(512, 1.0 / RATE_HZ)
+    w, zeta = 2.0 * np.pi * np.array(hz), np.array([0.004, 0.003])[: len(hz)]
+    U = np.where((f > 0.0) & (f < 0.4 * RATE_HZ), np.exp(2j * np.pi * rng.random(len(f))), 0.0)
+    s = 2j * np.pi * f[:, None]
+    H = np.sum(w**2 / (s**2 + 2.0 * zeta * w * s + w**2), axis=1)
+    u, y = (np.tile(np.fft.irfft(X), 3).reshape(1, 3, 512, 1) for X in (U, U * H))
+    y = y + 0.008 * y.std() * rng.standard_normal(y.shape)
+    ports = (Port("f", "N"),), (Port("d", "m"),)
+    return Record(sample_hz=RATE_HZ, u=u, y=y, inputs=ports[0], outputs=ports[1], periodic=True, held=False)
+
+
+@pytest.mark.parametrize(("hz", "doubted"), [([7.777, 7.787], True), ([7.777], False)])
+def test_two_modes_that_periods_do_not_distinguish_are_doubted(hz: list[float], doubted: bool) -> None:
+    """Between the lines of a signal that repeats is silence: one mode was 16 deviations off, in silence."""
+    for seed in (1, 3, 4):
+        record = repeating(hz, seed)
+        data = record_data(record, (1.0, 25.0), whole=False)
+        point = Point(np.array([-0.15 + 48.9j]), np.ones((1, 1)), np.zeros((1, 1)), np.zeros((0, 1)))
+        start = start_from_point(REAL, np.array([True]), point, 1)
+        one = refine_record(data, start, "output", rounds=3, steps=20)
+        assert one is not None
+        assert data.driven is not None
+        assert len(tidied(record, data, one, sampled=False).perhaps_two) == doubted
+
+
 def test_a_mode_that_may_be_two_is_doubted_alone() -> None:
     """The other mode of the record stays sound, and what is said names the one that is not."""
     plant = ([5.0, 9.0, 9.009], [0.01, 0.005, 0.004], [0.3, 1.0, 0.8], 0.0)

@@ -180,12 +180,15 @@ def test_an_order_is_bettered_by_one_that_gains_on_all_lines_of_a_mode_or_beyond
 @pytest.mark.parametrize("measured", repeats([0.01, 0.0]))
 @pytest.mark.parametrize(
     ("seed", "cubic"),
-    repeats([(1, 0.03), (4, 0.08), *((s, c) for s in (0, 2, 3, 5, 7, 13) for c in (0.001, 0.03, 0.08))]),
+    repeats(
+        [(7, 0.08), (1, 0.03), (4, 0.08), *((s, c) for s in (0, 2, 3, 5, 7, 13) for c in (0.001, 0.03, 0.08))]
+    ),
 )
 def test_a_record_of_a_distorted_signal_has_the_modes_of_the_article_alone(seed, cubic, measured):
     """Distortion repeats with the signal: it lies on one line in three, far above the noise between them.
 
-    Noise of the measured input does not repeat, and moves nothing.
+    A second mode beside one at 9 Hz, of four deviations or less, was kept as it followed that. Noise of the
+    measured input does not repeat, and moves nothing.
     """
     record = distorted(seed, cubic)
     noise = np.random.default_rng([5, seed]).standard_normal(record.u.shape)

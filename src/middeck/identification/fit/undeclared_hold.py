@@ -16,6 +16,11 @@ MAYBE_HELD = (
     f"{AS_HELD}, with doubts of its own: if they were held, half a sample period is in the delay; say in the "
     "record whether they were"
 )
+STEPS_AS_NOT_HELD = (
+    "inputs are given in steps, but a model behind their hold is the longer description: if they were held, "
+    "{ms:.3g} ms, half a sample period, are in the delay; say in the record whether they were, or take a "
+    "wider band"
+)
 LIKELIER = (
     "held inputs, which the record does not say, describe it better by {by:.0f} of description length, too "
     "few to decide: if they were held, {ms:.3g} ms, half a sample period, are in the delay, and gains are "
@@ -53,6 +58,11 @@ def perhaps_held(released: FitResult, shorter: float, sample_hz: float) -> FitRe
     if shorter < CHANCE:
         return marked(released, None)
     return _doubted(released, LIKELIER.format(by=shorter, ms=500.0 / sample_hz))
+
+
+def steps_as_not_held(released: FitResult, sample_hz: float) -> FitResult:
+    """The fit of inputs in steps that were taken as not held: no band-limited signal stands still."""
+    return _doubted(released, STEPS_AS_NOT_HELD.format(ms=500.0 / sample_hz))
 
 
 def _doubted(released: FitResult, warning: str) -> FitResult:

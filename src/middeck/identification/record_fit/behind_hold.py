@@ -8,10 +8,13 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.identification.fit.fit_response import FitResult, marked
-from middeck.identification.model.measurement_model import MeasurementModel
+from middeck.identification.model.measurement_model import MeasurementModel, natural_hz
 from middeck.identification.model.steady_simulation import folded_modes, folded_response
 from middeck.signals.record import Record
 from middeck.systems.sampling.zero_order_hold import release_inputs
+
+# Share of half the rate from which a mode of a first model may stand for what is folded back there.
+NEAR_HALF = 0.9
 
 
 class Made(NamedTuple):
@@ -32,7 +35,23 @@ class First(NamedTuple):
 def fit_behind_hold(
     fit: Callable[[Record, Record], Made], given: Record, record: Record, first: First, last_hz: float
 ) -> Made:
-    """The fit of the system behind the hold, less the response that ``first`` folds back."""
+    """The fit of the system behind the hold, less the response that ``first`` folds back.
+
+    What is folded back is as large as the response near half the rate. A mode of ``first`` there may stand
+    for it, and is left out, unless that leaves doubts and a longer description than with it.
+    """
+    below_hz, f = NEAR_HALF * 0.5 * record.sample_hz, natural_hz(first.model)
+    if not first.real or not np.any((f > below_hz) & (f <= last_hz)):
+        return _behind(fit, given, record, first, last_hz)
+    without = _behind(fit, given, record, first, below_hz)
+    if not without.fit.warnings:
+        return without
+    return min(without, _behind(fit, given, record, first, last_hz), key=lambda made: made.length)
+
+
+def _behind(
+    fit: Callable[[Record, Record], Made], given: Record, record: Record, first: First, last_hz: float
+) -> Made:
     behind = release_inputs(record)
     behind = dataclasses.replace(behind, y=record.y - _folded_outputs(first, record, last_hz))
     made = fit(given, behind)

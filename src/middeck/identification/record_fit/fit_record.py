@@ -28,7 +28,7 @@ from middeck.identification.fit.mode_trust import (
 )
 from middeck.identification.fit.modes_that_stand_for_delay import stands_for_delay
 from middeck.identification.fit.poles_beyond_the_band import UNDECIDED
-from middeck.identification.fit.undeclared_hold import perhaps_held, taken_as_held
+from middeck.identification.fit.undeclared_hold import perhaps_held, steps_as_not_held, taken_as_held
 from middeck.identification.fit.unneeded_modes import DOUBTFUL, mode_significance
 from middeck.identification.model.fit_options import (
     OF_PATHS,
@@ -60,7 +60,13 @@ from middeck.identification.record_fit.record_spectra import (
 from middeck.identification.record_fit.record_terms import record_lacks, record_scores
 from middeck.identification.record_fit.refine_record import LIGHTEST, WEIGHTINGS, RecordRun, Weighting
 from middeck.identification.record_fit.sensor_or_force_noise import negative_log_likelihood, noise_variance
-from middeck.identification.record_fit.undeclared_hold import NYQUIST, TRIED, given_as_commands, without_hold
+from middeck.identification.record_fit.undeclared_hold import (
+    IN_STEPS,
+    NYQUIST,
+    TRIED,
+    given_as_commands,
+    without_hold,
+)
 from middeck.identification.record_fit.unlike_blows import score_of_unlike_blows, warnings_on_unlike
 from middeck.identification.record_fit.unneeded_modes_and_sines import (
     Tidied,
@@ -234,7 +240,10 @@ def fit_samples(
             shorter = made.length - other.length
             if shorter > (-UNDECIDED if why else UNDECIDED):
                 return taken_as_held(made.fit, other.fit, shorter, why, record.sample_hz)
-            return perhaps_held(made.fit, shorter, record.sample_hz)
+            if why != IN_STEPS:
+                return perhaps_held(made.fit, shorter, record.sample_hz)
+        if why == IN_STEPS:
+            return steps_as_not_held(made.fit, record.sample_hz)
     return marked(made.fit, None if record.held is None else 0.0)
 
 

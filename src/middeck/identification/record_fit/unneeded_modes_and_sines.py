@@ -66,6 +66,8 @@ TWINS, WORTH = 0.1, 1.0
 # the form that a second one would leave: under forces that shake the article one is likelier as two, too; and
 # the same where inputs are known to have noise, of which their parts at rest tell little more than the size.
 BY_CHANCE, OF_FORM, OF_NOISE = 3e-4, 0.01, 1e-4
+# Power left on driven lines over that of silent ones, from which it is distortion.
+DISTORTED = 2.0
 # Powers of time in the amplitude.
 POWERS = 3
 
@@ -228,8 +230,7 @@ def _without(record: Record, state: Tidied, dropped: Bool[np.ndarray, " mode"]) 
 def _with_modes_in_two(record: Record, state: Tidied) -> Tidied:
     """Modes in two where that is clearly shorter, and a mark on those where it is only likelier.
 
-    No mark where inputs leave lines out: a distortion that repeats with its signal has the form of a second
-    mode, too.
+    No mark beside a distortion that repeats with its signal (`_leaves_noise`).
     """
     m = 0
     while m < state.run.layout.pairs:
@@ -238,7 +239,7 @@ def _with_modes_in_two(record: Record, state: Tidied) -> Tidied:
             two = None
         if two is not None and _is_shorter(record, state, two, m):
             state, m = two, m + 1
-        elif two is not None and state.data.driven is None:
+        elif two is not None and _leaves_noise(two):
             state = _with_mark(record, state, two, m)
         m += 1
     return state
@@ -264,11 +265,42 @@ def _in_two(state: Tidied, m: int) -> Tidied | None:
 
 
 def _is_shorter(record: Record, state: Tidied, two: Tidied, m: int) -> bool:
-    """Whether mode ``m`` in two is clearly shorter, either of them, under noise of forces, not doubtful."""
+    """Whether mode ``m`` in two is clearly shorter; beside noise of forces or distortion, none doubtful."""
     if _length(two) + CLEARLY > _length(state):
         return False
-    least = DOUBTFUL if state.of_forces else NOTHING
+    least = DOUBTFUL if state.of_forces or not _leaves_noise(two) else NOTHING
     return bool(_significance(record, two)[m : m + 2].min() >= least)
+
+
+def _over_silent(state: Tidied) -> Float[np.ndarray, "output line"]:
+    """Power left on each driven line over that of the silent ones beside it, summed over experiments."""
+    driven, at = state.data.driven, np.arange(len(state.data.s))
+    assert driven is not None
+    left, noise = np.sum(np.abs(state.run.residual(state.data)) ** 2, axis=2), state.run.variance.mean(axis=2)
+    silent = np.array([np.interp(at[driven], at[~driven], v[~driven]) for v in noise])
+    return left[:, driven] / silent
+
+
+def _leaves_noise(state: Tidied) -> bool:
+    """Whether lines that inputs drive have hardly more left than silent ones beside them.
+
+    What they have more is a distortion that repeats with its signal, which has the form of a second mode.
+    """
+    if state.data.driven is None:
+        return True
+    experiments = state.data.H.shape[2]
+    return bool(np.all(_over_silent(state).mean(axis=1) < DISTORTED * experiments))
+
+
+def _gained(state: Tidied, two: Tidied) -> float:
+    """Twice the log likelihood that a second mode brings; on driven lines by the noise of silent ones.
+
+    Few driven lines give a variance that follows what two modes leave.
+    """
+    gained = 2.0 * (state.run.likelihood - two.run.likelihood)
+    if state.data.driven is None:
+        return gained
+    return min(gained, 2.0 * float(np.sum(_over_silent(state) - _over_silent(two))))
 
 
 def _with_mark(record: Record, state: Tidied, two: Tidied, m: int) -> Tidied:
@@ -276,8 +308,7 @@ def _with_mark(record: Record, state: Tidied, two: Tidied, m: int) -> Tidied:
     run, omega = state.run, state.data.omega
     if not omega[0] <= abs(pairs_of(run)[m]) <= omega[-1]:  # it stands for what lies beyond the band
         return state
-    gained = 2.0 * (run.likelihood - two.run.likelihood)
-    if gained < scipy.stats.chi2.isf(BY_CHANCE, record_unknowns(two.run) - record_unknowns(run)):
+    if _gained(state, two) < scipy.stats.chi2.isf(BY_CHANCE, record_unknowns(two.run) - record_unknowns(run)):
         return state
     floor = floor_variance(record.u.reshape(len(record.u), -1, record.u.shape[3]))
     heard = state.heard(record)
