@@ -17,6 +17,7 @@ from collections.abc import Iterator
 import numpy as np
 from jaxtyping import Complex, Float
 
+from middeck.arguments import named_kinds
 from middeck.errors import ConfigError
 from middeck.identification.model.measurement_model import MeasurementModel
 from middeck.identification.model.plant_model import model_of_plant
@@ -62,6 +63,7 @@ class ExpectedAccuracy:
     duration_s: float
 
 
+@named_kinds
 def expected_accuracy(
     model: MeasurementModel | Plant,
     command: Excitation | Record,
