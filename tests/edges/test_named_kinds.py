@@ -36,6 +36,15 @@ def test_what_no_function_takes_is_named(name: str) -> None:
 
 RESPONSE = md.evaluate_plant(md.make_plant([[-1.0]], [[1.0]], [[1.0]]), np.linspace(0.01, 1.0, 40))
 
+RECORD = md.Record(
+    sample_hz=10.0,
+    u=np.random.default_rng(1).standard_normal((1, 2, 64, 1)),
+    y=np.zeros((1, 2, 64, 1)),
+    inputs=RESPONSE.inputs,
+    outputs=RESPONSE.outputs,
+    periodic=True,
+)
+
 
 @pytest.mark.parametrize(
     ("call", "message"),
@@ -57,6 +66,13 @@ def test_a_message_names_the_argument_and_what_it_is(call: Any, message: str) ->
 def test_orders_without_a_light_mode_have_empty_rows() -> None:
     """A response of one decaying pole has none at first."""
     assert not len(md.stabilisation(RESPONSE, orders=(1, 2)).natural_hz)
+
+
+@pytest.mark.parametrize("delay_s", [np.nan, -0.1, 0.02])
+def test_a_delay_that_a_model_would_leave_aside_is_refused(delay_s: float) -> None:
+    model = md.fit_response(RESPONSE, states=1, constants="complex").model
+    with pytest.raises(md.MiddeckError, match="delay_s"):
+        md.expected_accuracy(model, RECORD, 1e-3, delay_s=delay_s)
 
 
 def test_errors_that_no_argument_explains_pass() -> None:
