@@ -58,9 +58,17 @@ def require_kind(value: object, kind: type | types.UnionType, what: str, hint: s
       try: a text
     """
     if not isinstance(value, kind):
-        name = type(value).__name__
-        shown = "None" if value is None else f"{'an' if name[0] in 'AEIOaeio' else 'a'} {name}"
-        raise ConfigError(f"{shown} stands in place of the {what}", hint=hint)
+        raise ConfigError(f"{name_kind(value)} stands in place of the {what}", hint=hint)
+
+
+def name_kind(value: object) -> str:
+    """The kind of a value in words.
+
+    >>> name_kind(None), name_kind([1])
+    ('None', 'a list')
+    """
+    name = type(value).__name__
+    return "None" if value is None else f"{'an' if name[0] in 'AEIOaeio' else 'a'} {name}"
 
 
 @overload

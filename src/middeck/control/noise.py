@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
+from middeck.arguments import named_kinds
 from middeck.control.h2.generalized_plant import generalize
 from middeck.control.h2.noise_rms import NoiseOutcome, integrate_noise
 from middeck.control.law.compensator import Compensator, arrange_ports, driven_ports, measured_ports
@@ -19,6 +20,7 @@ FEW_LINES = 2000
 """Lines that cost less than roots; compensators of high authority would need more."""
 
 
+@named_kinds
 def measure_noise_rms(plant: Plant, compensator: Compensator, weights: LQGWeights) -> NoiseOutcome:
     """Outputs and commands under the process and sensor noise of ``weights``, delays and hold exact.
 

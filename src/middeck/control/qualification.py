@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from middeck.arguments import named_kinds
 from middeck.control.analysis.margins.margins import LoopMargins, measure_margins
 from middeck.control.analysis.stability.stability import LoopStability
 from middeck.control.law.compensator import Compensator, idle_compensator, locate_ports
@@ -56,6 +57,7 @@ class Qualified:
         return self.stability is not None and self.stability.decays
 
 
+@named_kinds
 def qualify_compensator(
     compensator: Compensator,
     plants: Mapping[str, Plant],

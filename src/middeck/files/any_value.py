@@ -4,6 +4,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from middeck.arguments import named_kinds
 from middeck.control.law.compensator import Compensator
 from middeck.errors import ConfigError
 from middeck.files.articles.components import write_component
@@ -26,6 +27,7 @@ from middeck.systems.plants.response import FrequencyResponse
 from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace
 
 
+@named_kinds
 def write(path: str | Path, value: object) -> None:
     """Write ``value`` to ``path`` whole or not at all; `load_record` and its like read it back.
 

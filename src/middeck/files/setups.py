@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, cast
 
+from middeck.arguments import named_kinds
 from middeck.errors import ConfigError
 from middeck.files.articles.build import build_structure
 from middeck.files.articles.checks import article_findings
@@ -27,6 +28,7 @@ BUILT_IN = {name: Path(__file__).with_name(f"{name}.toml") for name in ("orbit",
 FOLDERS: dict[Kind, str] = {"article": "articles", "environment": "environments", "study": "studies"}
 
 
+@named_kinds
 def load_structure(path: str | Path, overrides: Sequence[str] = ()) -> Structure:
     """The article in file ``path``; raises `ConfigError` with all its faults."""
     source = read_source(path, kind_of_content.ARTICLE)
@@ -45,6 +47,7 @@ def article_files(path: str | Path) -> tuple[Path, ...]:
     return tuple(dict.fromkeys(found))
 
 
+@named_kinds
 def load_environment(path: str | Path, overrides: Sequence[str] = ()) -> Environment:
     """The environment in file ``path``, or "orbit"; raises `ConfigError` with all its faults.
 
@@ -55,6 +58,7 @@ def load_environment(path: str | Path, overrides: Sequence[str] = ()) -> Environ
     return _environment(checked)
 
 
+@named_kinds
 def load_setup(
     article: str | Path, environment: str | Path, overrides: Sequence[str] = ()
 ) -> tuple[Structure, Environment]:

@@ -7,6 +7,7 @@ import dataclasses
 import numpy as np
 from jaxtyping import Float
 
+from middeck.arguments import named_kinds
 from middeck.control.law.partition import set_inert_aside
 from middeck.errors import ConfigError
 from middeck.systems.plants.plant import Plant, name_states
@@ -33,6 +34,7 @@ class PDLoops:
             raise ConfigError(f"{len(self.names)} names for {len(self.kp)} gains", hint="one for each loop")
 
 
+@named_kinds
 def close_inner_loop(plant: Plant, pd: PDLoops) -> Plant:
     """The plant with ``pd`` closed: same ports, and the states of its modes in their order.
 

@@ -72,7 +72,7 @@ def measure_known(
     vague: Callable[[Plant | Compensator], bool] = is_doubtful,
     least: float = 0.0,
     cure: str = CURE,
-    stacklevel: int = 3,
+    stacklevel: int = 4,
 ) -> Found:
     """The result of ``measure``; warns (`UserWarning`) where rounding of vague halves changes it.
 
@@ -83,7 +83,8 @@ def measure_known(
         numbers: Values whose differences count, logarithms or angles [rad]; none finite of an unstable loop.
         least: Largest change by the first move up to which no more are tried.
         cure: End of the warning: the remedy.
-        stacklevel: Stack level of the warning: 3 blames the line that called the caller of this.
+        stacklevel: Stack level of the warning: 4 blames the line that called the caller of this, past the
+            frame of `named_kinds`; 3 where the caller has none.
     """
     found = measure(*halves)
     moves = [vague(half) for half in halves]

@@ -9,6 +9,7 @@ import numpy as np
 import scipy.linalg as sla
 from jaxtyping import Bool, Float
 
+from middeck.arguments import named_kinds
 from middeck.control.law.compensator import Compensator
 from middeck.control.loop.closed_loop import ClosedLoop, close_loop
 from middeck.control.loop.performance import Performance, loop_metric
@@ -62,6 +63,7 @@ class FirstInstability:
     compensator_share: float
 
 
+@named_kinds
 def sweep_authority(
     design: Design,
     levels: Float[np.ndarray, " level"],
@@ -87,6 +89,7 @@ def sweep_authority(
     )
 
 
+@named_kinds
 def find_first_instability(
     design: Design, plant: Plant, *, first: float, last: float = 7.0
 ) -> FirstInstability | None:

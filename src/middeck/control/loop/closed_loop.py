@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Complex
 
+from middeck.arguments import named_kinds
 from middeck.control.law.compensator import Compensator, idle_compensator, locate_ports, require_loop
 from middeck.control.law.partition import set_inert_aside
 from middeck.errors import ConfigError
@@ -41,6 +42,7 @@ class ClosedLoop:
     inert: tuple[str, ...]
 
 
+@named_kinds
 def close_loop(plant: Plant, compensator: Compensator) -> ClosedLoop:
     """Closed loop, joined by port names; the compensator's output is added at the plant's input.
 
@@ -55,7 +57,7 @@ def close_loop(plant: Plant, compensator: Compensator) -> ClosedLoop:
     u, y = locate_ports(compensator, active.inputs, active.outputs)
     joined = feedback(active.system, law, u, y).select(w, z)
     values = growth_rates(joined)
-    stable = not warn_if_open(joined, active.system, law) and none_grows(values)
+    stable = not warn_if_open(joined, active.system, law, stacklevel=4) and none_grows(values)
     return ClosedLoop(
         system=joined,
         inputs=tuple(active.inputs[i] for i in w),
@@ -67,6 +69,7 @@ def close_loop(plant: Plant, compensator: Compensator) -> ClosedLoop:
     )
 
 
+@named_kinds
 def leave_open(plant: Plant) -> ClosedLoop:
     """The plant from w to z without a compensator."""
     return close_loop(plant, idle_compensator(plant))

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from middeck.arguments import named_kinds
 from middeck.control.law.compensator import Compensator, driven_ports, measured_ports
 from middeck.control.law.partition import partition_modes, pose_states
 from middeck.control.law.stabilisability import require_reachable
@@ -83,6 +84,7 @@ class LQGCompensator(Compensator):
     state_names: tuple[str, ...] = ()
 
 
+@named_kinds
 def design_lqg(
     plant: Plant,
     weights: LQGWeights,

@@ -7,6 +7,7 @@ import dataclasses
 import numpy as np
 from jaxtyping import Float
 
+from middeck.arguments import named_kinds
 from middeck.control.law.partition import partition_modes, pose_states
 from middeck.control.law.rounding_of_results import measure_known
 from middeck.control.lqg.design_model import LQGProblem, own_units, pose_problem
@@ -41,6 +42,7 @@ class KalmanFilter:
     cross: Float[np.ndarray, "w y"]
 
 
+@named_kinds
 def design_filter(plant: Plant, weights: LQGWeights, shaping: Shaping | None = None) -> KalmanFilter:
     """The Kalman filter of ``plant``; give it to `design_lqg` in a sweep over authority.
 

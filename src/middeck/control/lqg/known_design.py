@@ -79,7 +79,7 @@ def design_known(
     cure = CURE if mixed else "weights and intensities that differ by fewer decades"
     least = 0.0 if mixed else LITTLE
     return measure_known(
-        what, again, numbers, plant, vague=lambda _: True, least=least, cure=cure, stacklevel=4
+        what, again, numbers, plant, vague=lambda _: True, least=least, cure=cure, stacklevel=5
     )
 
 

@@ -15,6 +15,7 @@ import numpy as np
 import scipy.linalg as sla
 from jaxtyping import Bool, Complex, Float
 
+from middeck.arguments import named_kinds
 from middeck.control.analysis.stability.delayed_roots import with_conjugates
 from middeck.control.law.partition import partition_modes
 from middeck.control.reduction.separation import does_not_decay, separate_poles
@@ -50,6 +51,7 @@ class ReducedPlant:
     error: float
 
 
+@named_kinds
 def reduce_modes(
     plant: Plant,
     modes: int,

@@ -9,6 +9,7 @@ from typing import get_args
 import numpy as np
 from jaxtyping import Bool, Float
 
+from middeck.arguments import named_kinds
 from middeck.control.analysis.loop.feedback_loop import form_loop
 from middeck.control.analysis.stability.stability import decide_loop
 from middeck.control.h2.closed_cost import evaluate_cost
@@ -62,6 +63,7 @@ class ReducedCompensator(Compensator):
     cost_ratio: Float[np.ndarray, " plant"]
 
 
+@named_kinds
 def reduce_compensator(
     compensator: Compensator,
     plants: Plant | Sequence[Plant],

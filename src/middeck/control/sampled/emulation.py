@@ -10,6 +10,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
+from middeck.arguments import named_kinds
 from middeck.control.law.compensator import Compensator
 from middeck.errors import ConfigError
 from middeck.systems.plants.response import statespace_response
@@ -32,6 +33,7 @@ Roots = tuple[complex, ...]
 """One real root, two real ones, or a complex one with its conjugate."""
 
 
+@named_kinds
 def emulate(
     compensator: Compensator, period_s: float, rule: Rule = "tustin", *, match_hz: float | None = None
 ) -> Compensator:
@@ -94,7 +96,7 @@ def _warn_of_fast_poles(compensator: Compensator, period_s: float) -> None:
         warnings.warn(
             f"the compensator rings at {rings.max():.4g} Hz, half the rate is {half:.4g} Hz: sampled, it is "
             f"another law; sample it faster than {2.0 * rings.max():.4g} Hz",
-            UserWarning, stacklevel=3,
+            UserWarning, stacklevel=4,
         )  # fmt: skip
 
 

@@ -11,6 +11,7 @@ from typing import Literal, get_args
 import numpy as np
 from jaxtyping import Float
 
+from middeck.arguments import named_kinds
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.partition import partition_modes, pose_states
 from middeck.control.law.stabilisability import require_reachable
@@ -84,6 +85,7 @@ def sample_cost(held: HeldPlant, weights: LQGWeights, authority: float) -> Sampl
     return SampledCost(whole[:n, :n], whole[:n, n:], R, float(np.sum(Q[:x, :x] * held.dwell)))
 
 
+@named_kinds
 def design_sampled_lqg(
     plant: Plant, weights: LQGWeights, authority: float, period_s: float, form: Form = "predictor"
 ) -> SampledLQG:

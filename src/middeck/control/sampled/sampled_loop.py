@@ -8,6 +8,7 @@ import warnings
 import numpy as np
 from jaxtyping import Complex, Float
 
+from middeck.arguments import named_kinds
 from middeck.control.analysis.loop.feedback_loop import form_loop
 from middeck.control.analysis.stability.stability import decide_loop
 from middeck.control.law.compensator import Compensator, arrange_ports
@@ -51,6 +52,7 @@ class SampledOutcome:
     cost: float
 
 
+@named_kinds
 def measure_sampled_loop(
     plant: Plant, compensator: Compensator, weights: LQGWeights, authority: float
 ) -> SampledOutcome:
@@ -72,7 +74,7 @@ def measure_sampled_loop(
         warnings.warn(
             f"rms is infinite: the pole at {frequency_hz:.6g} Hz neither decays nor grows beyond rounding. "
             "What noise does not drive may be left out of the plant",
-            stacklevel=2,
+            stacklevel=3,
         )
     return found
 

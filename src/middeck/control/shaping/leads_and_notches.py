@@ -6,6 +6,7 @@ so that a section of 1 % damping stays exact beside a plant of hundreds of state
 
 import numpy as np
 
+from middeck.arguments import named_kinds
 from middeck.control.law.compensator import Compensator
 from middeck.errors import ConfigError
 from middeck.systems.state_space.statespace import StateSpace, gain_system, series
@@ -63,6 +64,7 @@ def roll_off(frequency_hz: float, order: int = 2) -> StateSpace:
     return law
 
 
+@named_kinds
 def shape_compensator(compensator: Compensator, section: StateSpace) -> Compensator:
     """The compensator with ``section`` (one input, one output) behind each of its outputs.
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from middeck.arguments import named_kinds
 from middeck.errors import ConfigError, MissingExtraError
 from middeck.files.exchange.named_system import Exchangeable, exchanged, known_ports, matrices_of
 from middeck.files.exchange.transfer_functions import build_foreign, realise_ratio, settle_period, with_delay
@@ -21,6 +22,7 @@ from middeck.systems.state_space.statespace import LinearSystem
 DOT, INSTEAD = ".", "·"
 
 
+@named_kinds
 def to_control(value: Exchangeable, *, negative_feedback: bool = False, name: str | None = None) -> Any:
     """``value`` as a `control.StateSpace` with the names of its ports and states.
 
@@ -47,6 +49,7 @@ def to_control(value: Exchangeable, *, negative_feedback: bool = False, name: st
     )
 
 
+@named_kinds
 def from_control(
     system: Any,
     *,

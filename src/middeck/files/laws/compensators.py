@@ -8,6 +8,7 @@ from typing import Any, cast
 
 import numpy as np
 
+from middeck.arguments import named_kinds
 from middeck.control.law.compensator import Compensator
 from middeck.errors import DataError
 from middeck.files.json.input import json_numbers, read_json, read_ports, require_keys
@@ -59,6 +60,7 @@ def _finite(value: Any) -> float | None:
     return float(value) if value is not None and math.isfinite(value) else None
 
 
+@named_kinds
 def load_compensator(path: str | Path) -> StoredCompensator:
     """The compensator in file ``path``, with the file's account of how it was made.
 

@@ -5,6 +5,7 @@ from typing import Any, NoReturn, cast
 
 import numpy as np
 
+from middeck.arguments import named_kinds
 from middeck.errors import ConfigError, DataError
 from middeck.files.disk.atomic import write_bytes
 from middeck.files.disk.kind_of_content import BINARY, EMPTY, JSON, PACKAGE, is_json, stray
@@ -48,6 +49,7 @@ def write_package(path: str | Path, package: ControllerPackage) -> tuple[Path, .
     return (file,)
 
 
+@named_kinds
 def load_package(path: str | Path) -> ControllerPackage:
     """The package in ``path``, binary or JSON.
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
+from middeck.arguments import named_kinds
 from middeck.errors import ConfigError, DataError
 from middeck.files.json.input import json_numbers, read_json
 from middeck.files.json.output import write_json
@@ -27,6 +28,7 @@ TEXTS = ("lines", "source")
 OPTIONAL = ("frequency_std_hz", "damping_std", "shape_std", "position_m", "modal_mass")
 
 
+@named_kinds
 def load_measured_modes(path: str | Path) -> MeasuredModes:
     """The measured modes in the file ``path``: JSON, a universal file (.unv, .uff) or CSV, by its ending.
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from middeck.arguments import named_kinds
 from middeck.errors import DataError
 from middeck.files.disk.kind_of_content import NO_RECORD, looks_like
 from middeck.files.records.columns import Columns, columns_beside, name_columns
@@ -59,6 +60,7 @@ class Reading:
     faults: tuple[RecordFault, ...]
 
 
+@named_kinds
 def load_record(path: str | Path, columns: Columns | None = None) -> Record:
     """The record in a file; its ending gives the kind (docs/how-to/your-own-record.md describes each).
 
@@ -73,7 +75,7 @@ def load_record(path: str | Path, columns: Columns | None = None) -> Record:
     taken = check_finite(found.record, str(path))
     for fault in found.faults:
         if fault.severity != "note":
-            warnings.warn(f"{path}: {fault.in_a_line}", stacklevel=2)
+            warnings.warn(f"{path}: {fault.in_a_line}", stacklevel=3)
     return taken
 
 
@@ -132,6 +134,7 @@ def load_response(path: str | Path) -> FrequencyResponse:
     return read_response(require_record(path))
 
 
+@named_kinds
 def open_record(path: str | Path, columns: Columns | None = None) -> RecordStream:
     """The record in a file as a stream of blocks, for one that is longer than memory.
 

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
+from middeck.arguments import named_kinds
 from middeck.errors import ConfigError
 from middeck.files.articles.checks import article_findings
 from middeck.files.articles.form import ArticleForm
@@ -131,6 +132,7 @@ class Study:
         )
 
 
+@named_kinds
 def load_study(path: str | Path, overrides: Sequence[str] = ()) -> Study:
     """The study in file ``path`` with ``overrides``.
 

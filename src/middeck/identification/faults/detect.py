@@ -5,6 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from middeck.arguments import named_kinds
 from middeck.errors import DataError
 from middeck.identification.faults.against_reference import compare_with_reference
 from middeck.identification.faults.collocated_channels import find_pair_faults
@@ -50,6 +51,7 @@ SEVERITIES = ("unusable", "serious", "note")
 LEAST, MOST = 1e-100, 1e100
 
 
+@named_kinds
 def detect_faults(record: Record, reference: FrequencyResponse | None = None) -> tuple[RecordFault, ...]:
     """Faults of ``record``, worst first; empty for a clean one.
 

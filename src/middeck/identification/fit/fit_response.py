@@ -9,6 +9,7 @@ from typing import Literal, get_args
 import numpy as np
 from jaxtyping import Complex, Float, Int
 
+from middeck.arguments import named_kinds
 from middeck.errors import DataError, FitError
 from middeck.identification.fit.coupling_instead import (
     ROUNDS,
@@ -102,6 +103,7 @@ class ModelAlone:
     order_reason: str
 
 
+@named_kinds
 def fit_response(
     measured: FrequencyResponse,
     *,

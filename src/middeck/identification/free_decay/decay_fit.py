@@ -16,6 +16,7 @@ from scipy.integrate import cumulative_trapezoid
 from scipy.interpolate import BSpline, CubicSpline
 from scipy.optimize import least_squares
 
+from middeck.arguments import named_kinds
 from middeck.errors import DataError, FitError
 from middeck.identification.free_decay.releases import dominant_hz, find_releases, without_tail
 from middeck.values import record
@@ -112,6 +113,7 @@ class _Fit(NamedTuple):
         return float(sum(np.sum(e**2) for e in self.residual))
 
 
+@named_kinds
 def fit_free_decay(
     samples: Float[np.ndarray, " sample"], sample_hz: float, *, decays: Sequence[slice] | None = None
 ) -> FreeDecay:

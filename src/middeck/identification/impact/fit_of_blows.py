@@ -6,6 +6,7 @@ from typing import Any, Literal
 import numpy as np
 from jaxtyping import Float
 
+from middeck.arguments import named_kinds
 from middeck.errors import ConfigError
 from middeck.identification.fit.fit_response import FitResult, fit_response, marked
 from middeck.identification.impact.averaged_blows import ImpactTest
@@ -29,6 +30,7 @@ from middeck.values import require_kind
 LEAST = 1e-9
 
 
+@named_kinds
 def fit_impact(
     test: ImpactTest, *, of: Literal["samples", "response"] = "samples", **options: Any
 ) -> FitResult:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Bool, Complex, Float
 
+from middeck.arguments import named_kinds
 from middeck.signals.ports import Port
 from middeck.systems.plants.response import FrequencyResponse
 from middeck.values import record
@@ -85,6 +86,7 @@ def is_single(value: Complex[np.ndarray, " value"], sample_hz: float | None) -> 
     return (imag == 0.0) | (imag >= np.pi * sample_hz * (1.0 - 1e-9))
 
 
+@named_kinds
 def model_response(
     model: MeasurementModel, frequency_hz: Float[np.ndarray, " line"]
 ) -> Complex[np.ndarray, "line output input"]:

@@ -14,6 +14,7 @@ from itertools import pairwise
 import numpy as np
 from jaxtyping import Bool, Complex, Float, Int
 
+from middeck.arguments import named_kinds
 from middeck.errors import ConfigError, FitError
 from middeck.identification.model.fit_options import FitOptions
 from middeck.identification.order.thinning import take_lines, thin_lines
@@ -65,6 +66,7 @@ class Stabilisation:
         return self.stable_frequency & self.stable_damping & self.stable_shape
 
 
+@named_kinds
 def stabilisation(
     measured: FrequencyResponse,
     *,
@@ -129,7 +131,9 @@ def _models(data: Data, sample_hz: float | None, orders: Sequence[int]) -> list[
         poles, pair = upper_half(found, period_s)
         residues = weighted_residues(data, options, poles, pair, delay_s)[0]
         light = pair & (-np.real(poles) < HEAVY * np.abs(poles))
-        models.append(_Model(states, poles[light], residues[light].reshape(int(np.sum(light)), -1)))
+        models.append(
+            _Model(states, poles[light], residues[light].reshape(int(np.sum(light)), residues[0].size))
+        )
     return models
 
 

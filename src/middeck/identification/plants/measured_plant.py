@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 import scipy.linalg
 
+from middeck.arguments import named_kinds
 from middeck.errors import ConfigError
 from middeck.identification.model.measurement_model import (
     RANK,
@@ -124,6 +125,7 @@ def _single(model: MeasurementModel, m: int, p: complex) -> tuple[np.ndarray, np
     return np.array([[p.real]]), np.real(model.participation[[m]]), np.real(model.shapes[:, [m]])
 
 
+@named_kinds
 def measured_plant(
     model: MeasurementModel,
     *,

@@ -15,6 +15,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
+from middeck.arguments import named_kinds
 from middeck.errors import ConfigError, FitError
 from middeck.identification.fit.fit_response import FitResult, ModelAlone, fit_model, marked
 from middeck.identification.fit.fitted_model import model_of, structure_of
@@ -103,6 +104,7 @@ MOVED = 1.0
 HARDLY, BESIDE = 1.5, 2.0
 
 
+@named_kinds
 def fit_record(
     record: Record,
     *,
@@ -376,7 +378,7 @@ def below_half_rate(band_hz: tuple[float, float] | None, sample_hz: float) -> tu
         warnings.warn(
             f"a record at {sample_hz:g} Hz tells nothing above {0.5 * sample_hz:g} Hz: the band, up to "
             f"{band_hz[1]:g} Hz, is fitted up to there",
-            stacklevel=4,
+            stacklevel=5,
         )
     return band_hz[0], 0.5 * sample_hz
 

@@ -6,6 +6,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
+from middeck.arguments import named_kinds
 from middeck.errors import ConfigError, DataError
 from middeck.identification.faults.detect import biasing_faults
 from middeck.identification.faults.unlike_experiments import find_unlike_experiments
@@ -34,6 +35,7 @@ MOVED = 2.0
 Method = Literal["periods", "local polynomial", "local rational", "h1", "h2", "hv"]
 
 
+@named_kinds
 def estimate_response(
     record: Record | RecordStream,
     *,
@@ -105,7 +107,7 @@ def estimate_response(
     if isinstance(record, Record) and reference is None and controller is None and variance is not None:
         faults = [*_biasing_faults(record), *_noise_of_inputs(record, found, variance), *found.changes]
     for what in faults:
-        warnings.warn(what, UserWarning, stacklevel=2)
+        warnings.warn(what, UserWarning, stacklevel=3)
     return FrequencyResponse(
         frequency_hz=found.frequency_hz,
         H=found.H,
@@ -249,7 +251,7 @@ def _scatter_of_run(record: Record, band_hz: tuple[float, float] | None) -> Resp
     """Scatter from whole periods, without the transient at their beginning; reports how."""
     started = steadied(record)
     if started.what:
-        warnings.warn(started.what, UserWarning, stacklevel=5)
+        warnings.warn(started.what, UserWarning, stacklevel=6)
     found = scatter_of_periods(_stream(started.record), band_hz, started)
     found = dataclasses.replace(found, warnings=(started.what,) if started.what else ())
     # What is left of free motion is as often in quadrature to the response as in phase, and is no change.

@@ -7,6 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from middeck.arguments import named_kinds
 from middeck.errors import ConfigError
 from middeck.identification.tracking.kalman_filter import update_tracking
 from middeck.identification.tracking.tracked_state import Tracking
@@ -38,6 +39,7 @@ class Tracked:
     state: Tracking
 
 
+@named_kinds
 def track_modes(state: Tracking, measured: Record, *, block: int = 256) -> Tracked:
     """Follow the first experiment of a record, all its periods one after the other.
 

@@ -17,6 +17,7 @@ from collections.abc import Iterator
 import numpy as np
 from jaxtyping import Complex, Float
 
+from middeck.arguments import named_kinds
 from middeck.errors import ConfigError
 from middeck.identification.model.measurement_model import MeasurementModel
 from middeck.identification.model.plant_model import model_of_plant
@@ -62,6 +63,7 @@ class ExpectedAccuracy:
     duration_s: float
 
 
+@named_kinds
 def expected_accuracy(
     model: MeasurementModel | Plant,
     command: Excitation | Record,
@@ -89,8 +91,13 @@ def expected_accuracy(
         scored_hz: Frequencies [Hz] of the expected error of the response; by default the excited lines.
 
     Raises `ConfigError` for a number of inputs or noises that does not fit, a noise that is not positive, no
-    period, or a test that leaves an unknown undetermined.
+    period, a delay beside a model that has its own, or a test that leaves an unknown undetermined.
     """
+    if not 0.0 <= delay_s < np.inf or (delay_s > 0.0 and not isinstance(model, Plant)):
+        raise ConfigError(
+            f"delay_s = {delay_s}: the delay of the test beyond a plant's own, from 0 s, finite",
+            hint="give it with a plant; a model has its own (delay_s, path_delay_s)",
+        )
     behind_hold = isinstance(model, Plant) or model.hold_s is not None
     if isinstance(model, Plant):
         model = model_of_plant(model, delay_s=delay_s)

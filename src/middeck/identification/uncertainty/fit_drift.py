@@ -9,6 +9,7 @@ import numpy as np
 import scipy.optimize
 from jaxtyping import Float
 
+from middeck.arguments import named_kinds
 from middeck.identification.model.measurement_model import MeasurementModel, damping_ratio, natural_hz
 from middeck.identification.uncertainty import parameter_deviations
 from middeck.identification.uncertainty.covariance import ModelCovariance
@@ -130,6 +131,7 @@ def _deviations(change: float, deviation: float) -> str:
     return f"{abs(change) / deviation:.1f} deviations" if deviation > 0.0 else "exact"
 
 
+@named_kinds
 def compare_fits(before: ModelCovariance, after: ModelCovariance, *, level: float = 0.05) -> FitChanges:
     """Test every mode and every delay of two fits for a change.
 

@@ -14,6 +14,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from middeck.arguments import named_kinds
 from middeck.errors import ConfigError
 from middeck.joints.attachment import JointElements
 from middeck.laboratory.rig.parts.converters import Readout, gather_readout
@@ -62,6 +63,7 @@ class Rig:
         return gather_readout(self.sensors, self.period_s)
 
 
+@named_kinds
 def build_rig(
     plant: Plant,
     *,

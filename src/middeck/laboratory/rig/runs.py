@@ -12,6 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
+from middeck.arguments import named_kinds
 from middeck.control.law.compensator import Compensator
 from middeck.errors import ConfigError
 from middeck.laboratory.rig.linear_view import close_rig, gyro_sums
@@ -64,6 +65,7 @@ class RigRun:
     partial: Record | None = None
 
 
+@named_kinds
 def run_open_loop(
     rig: Rig,
     excitation: Float[np.ndarray, "sample input"],
@@ -85,6 +87,7 @@ def run_open_loop(
     )  # fmt: skip
 
 
+@named_kinds
 def run_closed_loop(
     rig: Rig,
     law: Compensator | None,

@@ -9,6 +9,7 @@ import numpy as np
 import scipy.optimize
 from jaxtyping import Float
 
+from middeck.arguments import named_kinds
 from middeck.errors import ConfigError
 from middeck.signals.excitation.grids import band_lines, choose_lines, whole_samples
 from middeck.signals.excitation.limits import Limits, as_large_as_allowed
@@ -44,6 +45,7 @@ def random_multisine(
     return np.asarray(np.fft.irfft(spectrum, samples))
 
 
+@named_kinds
 def design_multisine(
     band_hz: tuple[float, float],
     period_s: float,

@@ -6,6 +6,7 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float, Int
 
+from middeck.arguments import named_kinds
 from middeck.errors import ConfigError
 from middeck.structure.correlation.assurance import modal_assurance, nearest_basis, phase_collinearity
 from middeck.structure.correlation.effective_mass import EffectiveMass, measure_effective_mass
@@ -115,6 +116,7 @@ class Correlation:
         return "passes" if self.passed else "does not pass" if missed else "open"
 
 
+@named_kinds
 def correlate_modes(
     modes: Modes,
     measured: MeasuredModes,

@@ -17,6 +17,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.optimize import brentq
 
+from middeck.arguments import named_kinds
 from middeck.errors import ConfigError, EquilibriumError, UnstableEquilibriumError
 from middeck.structure.assembly.environment_loads import Loads
 from middeck.structure.assembly.mesh import Model
@@ -155,6 +156,7 @@ class _Place(NamedTuple):
     spectrum: Spectrum
 
 
+@named_kinds
 def sweep_gimbals(
     structure: Structure,
     environment: Environment,

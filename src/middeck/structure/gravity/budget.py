@@ -19,6 +19,7 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float, Int
 
+from middeck.arguments import named_kinds
 from middeck.errors import ConfigError
 from middeck.structure.assembly.energy import inner_forces, split_tangent
 from middeck.structure.assembly.linked import bent_links
@@ -109,6 +110,7 @@ def _telescope(corner: np.ndarray, order: tuple[int, ...]) -> np.ndarray:
     return steps
 
 
+@named_kinds
 def build_budget(orbit: Modes, lab: Modes, count: int = 26) -> GravityBudget:
     """The budget of the ``count`` lowest modes in orbit, whatever their rank in the laboratory.
 

@@ -10,6 +10,7 @@ import scipy.linalg as sla
 from jaxtyping import Float, Int
 from scipy.linalg import lapack
 
+from middeck.arguments import named_kinds
 from middeck.errors import ConfigError
 from middeck.structure.correlation.assurance import modal_assurance
 from middeck.structure.gravity.orbit_lab_pairs import pair_modes, shares_of
@@ -69,6 +70,7 @@ class ModeComparison:
         )
 
 
+@named_kinds
 def compare_modes(orbit: Modes, lab: Modes, count: int = 26) -> ModeComparison:
     """Compare the lowest ``count`` modes; both sides must share the structure, hence the coordinates.
 

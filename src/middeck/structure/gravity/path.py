@@ -18,6 +18,7 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Bool, Float
 
+from middeck.arguments import named_kinds
 from middeck.errors import ConfigError, EquilibriumError, UnstableEquilibriumError
 from middeck.structure.assembly.energy import Assembly, assemble_carried
 from middeck.structure.assembly.environment_loads import Loads
@@ -140,6 +141,7 @@ class _Stop(NamedTuple):
     bad: PathState | None
 
 
+@named_kinds
 def follow_gravity(
     structure: Structure,
     environment: Environment,

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from middeck.arguments import named_kinds
 from middeck.errors import ConfigError, EquilibriumError
 from middeck.structure.elements.frames import move
 from middeck.structure.hanging.attitude import Attitude, estimate_attitude
@@ -64,6 +65,7 @@ class _Task:
     node: str | None
 
 
+@named_kinds
 def level(
     structure: Structure,
     environment: Environment,

@@ -23,6 +23,7 @@ import scipy.linalg as sla
 import scipy.sparse as sp
 from jaxtyping import Float
 
+from middeck.arguments import named_kinds
 from middeck.errors import ConfigError, NumericalError
 from middeck.structure.assembly.energy import assemble, assemble_carried, geometric_tangent
 from middeck.structure.assembly.environment_loads import Loads
@@ -42,6 +43,7 @@ from middeck.structure.model.component import WAYS, Component, require_component
 from middeck.structure.model.environment import Environment
 from middeck.structure.modes.motions.dampers import damper_matrix
 from middeck.structure.rest.equilibrium import Equilibrium, solve_equilibrium
+from middeck.values import record
 
 # Residual vectors with less than this part of the energy of a whole answer are combinations of others, or
 # rounding.
@@ -52,11 +54,16 @@ TIED = 1e-7
 FIRST = 16
 
 
-class Reduced(NamedTuple):
-    """A component; frequencies [Hz] of its fixed-interface modes, and how many coordinates residuals added.
+@record(kw_only=True)
+class Reduced:
+    """An article as a component.
 
-    ``next_hz`` is the first frequency left out: infinite where none is. ``warnings`` say which damping of the
-    article the component has not.
+    Attributes:
+        component: The component.
+        fixed_hz: Frequencies [Hz] of its fixed-interface modes.
+        residual: Number of coordinates that residuals added.
+        next_hz: First frequency left out; infinite where none is.
+        warnings: Damping of the article that the component has not.
     """
 
     component: Component
@@ -66,6 +73,7 @@ class Reduced(NamedTuple):
     warnings: tuple[str, ...] = ()
 
 
+@named_kinds
 def reduce_structure(
     structure: Structure,
     boundary: Sequence[str],
@@ -135,7 +143,13 @@ def reduce_structure(
         next_hz=kept[-1],
         left_out=0.5 * (cut + cut.T) if np.isfinite(kept[-1]) else None,
     )
-    return Reduced(require_component(component), *kept, tuple(_losses_left_out(structure)))
+    return Reduced(
+        component=require_component(component),
+        fixed_hz=kept[0],
+        residual=kept[1],
+        next_hz=kept[2],
+        warnings=tuple(_losses_left_out(structure)),
+    )
 
 
 def _dampers(at: Equilibrium, motions: np.ndarray) -> np.ndarray | None:

@@ -9,6 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float
 
+from middeck.arguments import named_kinds
 from middeck.errors import ConfigError, EquilibriumError, NumericalError, UnstableEquilibriumError
 from middeck.structure.assembly.energy import assemble, assemble_carried
 from middeck.structure.assembly.freedom import Freedom
@@ -99,6 +100,7 @@ class Modes:
         return (*self.stated_warnings, *mesh_warnings(self, judged), *reduction_warnings(self, judged))
 
 
+@named_kinds
 def solve_modes(equilibrium: Equilibrium, count: int | None = None, *, standstill: bool = False) -> Modes:
     """All modes of finite frequency about ``equilibrium``, or the ``count`` lowest of a large model.
 

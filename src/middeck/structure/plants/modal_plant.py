@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from middeck.arguments import named_kinds
 from middeck.errors import ConfigError
 from middeck.signals.ports import require_names
 from middeck.structure.assembly.wheel_forces import Spin, spinning_wheels
@@ -23,6 +24,7 @@ from middeck.systems.state_space.statespace import StateSpace
 from middeck.values import require_kind
 
 
+@named_kinds
 def build_plant(
     modes: Modes,
     *,
@@ -81,7 +83,7 @@ def build_plant(
         chosen = equilibrium.model.structure.damping if damping is None else damping
         texts += coupling_warnings(modes, chosen, modal, (tuple(inputs), tuple(p.name for p in read.ports)))
     for text in texts:
-        warnings.warn(text, UserWarning, stacklevel=2)
+        warnings.warn(text, UserWarning, stacklevel=3)
     return Plant(
         dynamics=_turning(modal, spin, spin.turn @ shapes) if spin.turns else modal,
         inputs=drive.ports,

@@ -22,6 +22,7 @@ import numpy as np
 import scipy.linalg as sla
 from jaxtyping import Complex, Float
 
+from middeck.arguments import named_kinds
 from middeck.errors import ConfigError, NumericalError
 from middeck.structure.assembly.energy import assemble
 from middeck.structure.assembly.linked import dynamic_freedom
@@ -105,6 +106,7 @@ class GyroscopicModes:
         )
 
 
+@named_kinds
 def solve_gyroscopic_modes(
     modes: Modes, damping: Damping | None = None, *, count: int | None = None
 ) -> GyroscopicModes:

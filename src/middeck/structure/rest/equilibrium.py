@@ -10,6 +10,7 @@ import numpy as np
 import scipy.linalg as sla
 from jaxtyping import Float, Inexact
 
+from middeck.arguments import named_kinds
 from middeck.errors import EquilibriumError
 from middeck.structure.assembly.component_states import PlacedComponent, place_components
 from middeck.structure.assembly.energy import assemble_carried
@@ -121,6 +122,7 @@ class Equilibrium:
         return self.residual < self.enough
 
 
+@named_kinds
 def solve_equilibrium(
     structure: Structure, environment: Environment, load_case: LoadCase | str | None = None
 ) -> Equilibrium:

@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
+from middeck.arguments import named_kinds
 from middeck.structure.assembly.energy import assemble
 from middeck.structure.assembly.linked import dynamic_coordinates
 from middeck.structure.assembly.mass import mass_matrix
@@ -65,6 +66,7 @@ class FrequencySensitivities:
         return self.d_hz * values[:, None] / np.where(self.frequency_hz > 0.0, self.frequency_hz, np.nan)
 
 
+@named_kinds
 def differentiate_frequencies(
     modes: Modes, parameters: Sequence[ModelParameter], count: int | None = None
 ) -> FrequencySensitivities:

@@ -9,6 +9,7 @@ import numpy as np
 import scipy.linalg
 from jaxtyping import Complex, Float
 
+from middeck.arguments import named_kinds
 from middeck.systems.delay.delayed_integrators import approximate_delayed_integrators
 from middeck.systems.delay.pade import evaluate_pade, pade
 from middeck.systems.plants.plant import Plant, name_states, remove_delays
@@ -29,6 +30,7 @@ Named = tuple[StateSpace, tuple[str, ...]]
 """A system and the names of its states."""
 
 
+@named_kinds
 def approximate_delays(plant: Plant, order: int) -> Plant:
     """The plant with a Pade approximation of ``order`` states for each separate delay.
 

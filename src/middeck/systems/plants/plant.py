@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
+from middeck.arguments import named_kinds
 from middeck.errors import ConfigError
 from middeck.signals.ports import Port, port_indices, require_names
 from middeck.systems.state_space.modal_system import ModalSystem
@@ -159,11 +160,13 @@ def require_modal(plant: Plant) -> ModalSystem:
     return plant.modal
 
 
+@named_kinds
 def remove_delays(plant: Plant) -> Plant:
     """The plant with all delays zero."""
     return dataclasses.replace(plant, delay_s=_none())
 
 
+@named_kinds
 def delay_plant(plant: Plant, delay_s: float | Float[np.ndarray, "output input"]) -> Plant:
     """The plant with an additional ``delay_s`` [s], one for all paths or one for each.
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from middeck.arguments import named_kinds
 from middeck.errors import ConfigError
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant, delay_plant
@@ -16,6 +17,7 @@ from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace
 Matrix = np.ndarray | Sequence[Sequence[float]]
 
 
+@named_kinds
 def make_plant(
     A: Matrix,
     B: Matrix,

@@ -7,6 +7,7 @@ import dataclasses
 import numpy as np
 from jaxtyping import Complex, Float
 
+from middeck.arguments import named_kinds
 from middeck.errors import ConfigError
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant, require_plant
@@ -69,6 +70,7 @@ def statespace_response(
     return evaluate_transfer(system, p)
 
 
+@named_kinds
 def evaluate_plant(plant: Plant, frequency_hz: Float[np.ndarray, " line"]) -> FrequencyResponse:
     """The plant's frequency response at ``frequency_hz``, all ports, delays exact.
 

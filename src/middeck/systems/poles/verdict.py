@@ -25,12 +25,12 @@ def is_stable(system: LinearSystem) -> bool:
     return not warn_if_open(system) and none_grows(growth_rates(system), system.period_s)
 
 
-def warn_if_open(system: LinearSystem, *parts: LinearSystem) -> bool:
+def warn_if_open(system: LinearSystem, *parts: LinearSystem, stacklevel: int = 3) -> bool:
     """`is_open`, with a warning (`UserWarning`): the system does not then count as stable."""
     found = is_open(system, *parts)
     if found:
         what = f"stability is undecided, and counts as lost: {OPEN}; {CURE}, would decide"
-        warnings.warn(what, stacklevel=3)
+        warnings.warn(what, stacklevel=stacklevel)
     return found
 
 

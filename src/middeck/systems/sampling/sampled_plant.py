@@ -6,6 +6,7 @@ import warnings
 
 import numpy as np
 
+from middeck.arguments import named_kinds
 from middeck.systems.plants.plant import Plant, name_states, remove_delays
 from middeck.systems.poles.stability import growth_rates
 from middeck.systems.sampling.delayed_sampling import is_sum, sample_delayed, tidy_samples
@@ -18,6 +19,7 @@ AT_REST = 1e-6
 """Poles below this, relative to the largest, are those of a free body."""
 
 
+@named_kinds
 def sample_plant(plant: Plant, period_s: float) -> Plant:
     """The plant from inputs held over ``period_s`` to outputs sampled at its ends: exact, delays included.
 
@@ -46,7 +48,7 @@ def warnings_on_period(plant: Plant, period_s: float) -> None:
             f"within a period of {period_s:g} s even the slowest mode ({moving.min():.3g} Hz) turns, or "
             f"decays, {turns:.3g} times: if {period_s:g} Hz is the rate, the period is its inverse",
             UserWarning,
-            stacklevel=3,
+            stacklevel=4,
         )
 
 

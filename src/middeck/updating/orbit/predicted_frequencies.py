@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float, Int
 
+from middeck.arguments import named_kinds
 from middeck.structure.correlation.measured_modes import seen, sensor_rows
 from middeck.structure.model.environment import Environment
 from middeck.structure.model.umbilical import floats, umbilical_point
@@ -134,6 +135,7 @@ def solve_there(refined: Refined, environment: Environment, count: int = 10) -> 
     )
 
 
+@named_kinds
 def predict_modes(
     refined: Refined,
     environment: Environment,

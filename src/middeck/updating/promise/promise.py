@@ -8,6 +8,7 @@ from functools import partial
 import numpy as np
 from jaxtyping import Float
 
+from middeck.arguments import named_kinds
 from middeck.control.law.compensator import Compensator, driven_ports, measured_ports
 from middeck.control.law.delay_order import approximation_order
 from middeck.control.lqg.design import LQGCompensator, design_lqg
@@ -99,6 +100,7 @@ def design_on(delayed: Plant, ladder: Ladder, plan: Plan) -> dict[str, LQGCompen
     }
 
 
+@named_kinds
 def promise(
     refined: Refined, plan: Plan, measured: Mapping[str, Sequence[Measured]] | None = None
 ) -> dict[str, Promise]:

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
+from middeck.arguments import named_kinds
 from middeck.errors import ConfigError
 from middeck.structure.model.article import Structure
 from middeck.updating.refinement.bayesian_estimate import (
@@ -172,6 +173,7 @@ class RefinedFriction:
         return np.linalg.norm(self.root, axis=1)
 
 
+@named_kinds
 def refine(
     structure: Structure,
     surveys: Sequence[Survey],

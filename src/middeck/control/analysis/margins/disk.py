@@ -13,6 +13,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Complex, Float
 
+from middeck.arguments import named_kinds
 from middeck.control.analysis.loop.feedback_loop import (
     At,
     Compensator,
@@ -66,6 +67,7 @@ def disk_from_peak(peak: float, omega: float) -> DiskMargin:
     return DiskMargin(float(alpha), float(omega / (2.0 * np.pi)), (float(low), float(high)), float(phase))
 
 
+@named_kinds
 def measure_disk_margin(plant: Plant, law: Compensator, *, at: At = "both") -> DiskMargin:
     """The disk margin of all channels at once, delays exact.
 

@@ -8,6 +8,7 @@ from collections.abc import Callable
 import numpy as np
 from jaxtyping import Complex, Float
 
+from middeck.arguments import named_kinds
 from middeck.control.analysis.loop.feedback_loop import (
     At,
     Compensator,
@@ -166,6 +167,7 @@ def _cells(loop: LoopMargins) -> tuple[str, ...]:
     )
 
 
+@named_kinds
 def measure_margins(
     plant: Plant, compensator: Compensator, *, at: At = "inputs", delays: bool = True
 ) -> Margins:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
+from middeck.arguments import named_kinds
 from middeck.control.analysis.loop.feedback_loop import (
     FeedbackLoop,
     approximate_halves,
@@ -22,6 +23,7 @@ from middeck.systems.plants.plant import Plant, require_plant
 from middeck.systems.poles.stability import growth_rates
 
 
+@named_kinds
 def measure_rms(
     plant: Plant, compensator: Compensator | None, performance: Performance
 ) -> Float[np.ndarray, " z"]:
@@ -43,6 +45,7 @@ def measure_rms(
     return measure_known("rms", lambda *both: _delayed_rms(*both, performance), np.log, plant, law)
 
 
+@named_kinds
 def measure_metric(plant: Plant, compensator: Compensator | None, performance: Performance) -> float:
     """Weighted rms of all outputs together, otherwise as `measure_rms`."""
     require_one_each("weights", len(performance.weights), plant.z)

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from jaxtyping import Float
 
+from middeck.arguments import named_kinds
 from middeck.control.analysis.loop.feedback_loop import FeedbackLoop, form_loop, split_unmoved
 from middeck.control.analysis.stability.stability import (
     LoopStability,
@@ -47,6 +48,7 @@ class AllowedShift:
     up_hz: float
 
 
+@named_kinds
 def find_allowed_shifts(
     plant: Plant, compensator: Compensator, *, modes: Sequence[str] | None = None, most: float = 0.2
 ) -> tuple[AllowedShift, ...]:

@@ -10,6 +10,7 @@ from collections.abc import Callable
 import numpy as np
 from jaxtyping import Complex, Float
 
+from middeck.arguments import named_kinds
 from middeck.control.analysis.loop.feedback_loop import (
     FeedbackLoop,
     approximate_halves,
@@ -68,6 +69,7 @@ class LoopStability:
     decays: bool
 
 
+@named_kinds
 def decide_stability(plant: Plant, law: Compensator) -> LoopStability:
     """Stability with exact delays, including modes that the compensator does not move.
 

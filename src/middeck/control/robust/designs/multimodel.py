@@ -14,6 +14,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float
 
+from middeck.arguments import named_kinds
 from middeck.control.h2.law_form import LawForm
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.uncertainty import Uncertainty
@@ -49,6 +50,7 @@ class MultiModelCompensator(RobustCompensator):
     multipliers: Float[np.ndarray, " model"]
 
 
+@named_kinds
 def design_multimodel(
     plant: Plant,
     weights: LQGWeights,

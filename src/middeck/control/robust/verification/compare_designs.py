@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from jaxtyping import Float
 
+from middeck.arguments import named_kinds
 from middeck.control.analysis.text_table import align_columns
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.uncertainty import Uncertainty, parameter_names
@@ -86,6 +87,7 @@ def _decibels(value: float) -> str:
     return "-" if value == -np.inf else f"{value:.2f}"
 
 
+@named_kinds
 def compare_designs(
     plant: Plant,
     designs: Mapping[str, Compensator],
