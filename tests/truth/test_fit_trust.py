@@ -353,8 +353,11 @@ def test_the_variance_of_a_response_holds_at_peaks_a_line_wide(campaign):
 
 
 def test_a_pair_that_a_subspace_takes_for_one_is_parted_or_doubted(campaign):
-    """A quarter of a width apart, in one channel; a single mode stays one and is not doubted."""
-    for seed in campaign(40):
+    """A quarter of a width apart, in one channel; a single mode stays one and is not doubted.
+
+    The first seed leaves noise, of the form of a second mode: one was 17 deviations off, and sound.
+    """
+    for seed in dict.fromkeys([2009, *campaign(40)]):
         for plant, record in a_pair(seed, 0.25):
             measured = estimate_response(record, band_hz=(2.0, 39.0))
             fit = fit_response(measured, delay=False)

@@ -33,9 +33,11 @@ from middeck.identification.fit.mode_trust import (
     warnings_on_one_line,
     warnings_on_phase,
     warnings_on_standing,
+    with_doubt,
 )
 from middeck.identification.fit.modes_that_stand_for_delay import stands_for_delay
 from middeck.identification.fit.poles_beyond_the_band import PolesInstead, poles_instead, true_modes
+from middeck.identification.fit.second_modes import second_modes, warnings_on_second_modes
 from middeck.identification.fit.undeclared_hold import chosen_hold
 from middeck.identification.fit.unneeded_modes import length_of, parted, tidied, without_modes
 from middeck.identification.model.fit_options import (
@@ -424,7 +426,9 @@ def _result(run: _Searched) -> FitResult:
         warnings.append(poles.doubt())
     elif not (noise or doubts):
         warnings += warnings_on_delays(of_delays, excess)
-    warnings += warnings_on_one_line(measured, model)
+    two = _perhaps_two(run, covariance) if noise and poles is None else []
+    standing = with_doubt(standing, model, two)
+    warnings += [*warnings_on_one_line(measured, model), *warnings_on_second_modes(model, two)]
     warnings += [*warnings_on_phase(model, *phase), *warnings_on_standing(covariance, standing)]
     return FitResult(
         model=model,
@@ -452,6 +456,13 @@ def _lacks(run: _Searched, covariance: ModelCovariance) -> Lacking:
     if run.cost != "weighted" or covariance.model.sample_hz is not None:
         return NOTHING
     return response_lacks(covariance, run.measured, run.followed.at(run.best.share))
+
+
+def _perhaps_two(run: _Searched, covariance: ModelCovariance) -> list[int]:
+    """Modes that may be two; only least squares by a known variance have scores."""
+    if run.cost != "weighted" or covariance.model.sample_hz is not None or run.measured.variance is None:
+        return []
+    return second_modes(covariance, run.measured, run.followed.at(run.best.share))
 
 
 def _coupling_instead(

@@ -82,6 +82,14 @@ def standing_of(
     return tuple(found)
 
 
+def with_doubt(
+    standing: Sequence[Standing], model: MeasurementModel, doubted: Sequence[int]
+) -> tuple[Standing, ...]:
+    """The standing of each mode, "doubtful" where it was sound and is ``doubted``."""
+    of_them = np.isin(model.poles, model.poles[list(doubted)])
+    return tuple("doubtful" if d and s == "sound" else s for s, d in zip(standing, of_them, strict=True))
+
+
 def standing_of_delays(
     measured: FrequencyResponse, covariance: ModelCovariance, *, holds: bool
 ) -> tuple[Standing, ...]:

@@ -15,8 +15,9 @@ import numpy as np
 import scipy.stats
 from jaxtyping import Complex, Float
 
+from middeck.identification.fit.second_modes import PARTS, second_mode_terms
 from middeck.identification.fit.unneeded_modes import pairs_of
-from middeck.identification.model.measurement_model import MeasurementModel, model_response, path_delay
+from middeck.identification.model.measurement_model import model_response
 from middeck.identification.problem.data import Data
 from middeck.identification.problem.residual_and_slopes import Terms
 from middeck.identification.record_fit.record_covariance import Rows, known_power
@@ -27,8 +28,6 @@ from middeck.identification.record_fit.sensor_or_force_noise import noise_varian
 from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.identification.uncertainty.lacking_terms import TermRows, joint_score
 
-# The coefficient of the driven motion is complex: two unknowns of each output.
-PARTS = (1.0, 1j)
 # Step of the logarithm of a decay rate for the derivative of its free motion.
 SHIFT = 1e-6
 
@@ -55,7 +54,8 @@ def chance_of_no_second(
         power = np.sum(np.abs(H) ** 2 * known_power(each, floor)[:, None], axis=2)
         variance = variance + power.T[:, :, None]
     each.run = dataclasses.replace(run, variance=variance)
-    driven = _driven(data, model, int(np.argmin(np.abs(model.poles - pairs_of(run)[m]))))
+    mode = int(np.argmin(np.abs(model.poles - pairs_of(run)[m])))
+    driven = np.einsum("tloi,lie->tole", second_mode_terms(model, data.s, mode), data.U)
     outputs, lines, columns = residual.shape
     free = _free(run, data, m)
     free = np.einsum("tl,ef->etlf", free, np.eye(columns)).reshape(-1, lines, columns)
@@ -72,18 +72,6 @@ def chance_of_no_second(
             yield TermRows(place=place, slopes=slopes, terms=terms, left=rest, line=line, heard=noise)
 
     return float(scipy.stats.chi2.sf(joint_score(rows, covariance), count * outputs))
-
-
-def _driven(data: Data, model: MeasurementModel, mode: int) -> Complex[np.ndarray, "part output line column"]:
-    """The two parts of 1 / (s - p)^3 times the mode's residue, at each output."""
-    pole, residue = model.poles[mode], np.outer(model.shapes[:, mode], model.participation[mode])
-    s, size = data.s[:, None, None], np.real(pole) ** 2
-    late = np.exp(-s * path_delay(model))
-    each = (
-        late * size * (part * residue / (s - pole) ** 3 + np.conj(part * residue) / (s - pole.conj()) ** 3)
-        for part in PARTS
-    )
-    return np.stack([np.einsum("loi,lie->ole", H, data.U) for H in each])
 
 
 def _free(run: RecordRun, data: Data, m: int) -> Complex[np.ndarray, "part line"]:

@@ -132,14 +132,23 @@ def with_sines_beside(record: Record, state: Tidied) -> Tidied:
 
 
 def _lacks_a_mode(record: Record, state: Tidied, with_sines: Tidied) -> bool:
-    """Whether a pair more, which the inputs drive, is the shorter description in the place of sines."""
-    run, size = state.run, state.run.layout.states + 2
-    start = grown(state.data, run.layout.options.sized(size), run)
-    more = None if start is None else _refined(state, start)
+    """Whether a pair more, which the inputs drive, is the shorter description in the place of sines.
+
+    At the peak of what is left, or in the mode beside the sine, which two nearer than their widths leave.
+    """
+    run, omega = state.run, 2.0 * np.pi * with_sines.lines[0].hz
+    start = grown(state.data, run.layout.options.sized(run.layout.states + 2), run)
+    split = with_split(run.start, _nearest(run, omega)) if run.layout.pairs else None
+    tried = [_refined(state, each) for each in (start, split) if each is not None]
+    more = min((each for each in tried if each is not None), key=_length, default=None)
     if more is None or _length(more) > _length(with_sines):
         return False
-    new = int(np.argmin(np.abs(np.imag(pairs_of(more.run)) - 2.0 * np.pi * with_sines.lines[0].hz)))
-    return bool(_significance(record, more)[new] >= DOUBTFUL)
+    return bool(_significance(record, more)[_nearest(more.run, omega)] >= DOUBTFUL)
+
+
+def _nearest(run: RecordRun, omega: float) -> int:
+    """The pair nearest to ``omega`` [rad/s]."""
+    return int(np.argmin(np.abs(np.imag(pairs_of(run)) - omega)))
 
 
 def with_modes_as_two(record: Record, state: Tidied) -> Tidied:

@@ -8,12 +8,12 @@ deviation of the noise.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 import numpy as np
-from jaxtyping import Complex, Float, Int
+from jaxtyping import Bool, Complex, Float, Int
 
 from middeck.identification.model.measurement_model import MeasurementModel, natural_hz
 from middeck.identification.uncertainty import orthogonal
@@ -195,7 +195,16 @@ def term_scores(rows: Callable[[], Iterable[TermRows]], covariance: ModelCovaria
 
 
 def joint_score(rows: Callable[[], Iterable[TermRows]], covariance: ModelCovariance) -> float:
-    """Square of the scores of all terms together: chi-squared of as many degrees of freedom as terms.
+    """Square of the scores of all terms together: chi-squared of as many degrees of freedom as terms."""
+    return float(joint_scores(rows, covariance, [slice(None)])[0])
+
+
+def joint_scores(
+    rows: Callable[[], Iterable[TermRows]],
+    covariance: ModelCovariance,
+    groups: Sequence[Bool[np.ndarray, " term"] | slice],
+) -> Float[np.ndarray, " group"]:
+    """Square of the scores of each group of terms together: chi-squared, of as many degrees as it has terms.
 
     Under noise of the assumed size, and that of the inputs beside it. ``rows`` are made anew twice, as for
     `term_scores`.
@@ -211,7 +220,8 @@ def joint_score(rows: Callable[[], Iterable[TermRows]], covariance: ModelCovaria
             each = apart.reshape(count, r.heard.shape[1], -1)
             heard = heard + np.einsum("ten,pen->tpe", each, r.heard)
     power += np.einsum("tpe,spe->ts", heard, heard) / heard.shape[1]
-    return float(score @ np.linalg.pinv(power, rcond=APART, hermitian=True) @ score)
+    inverses = [np.linalg.pinv(power[own][:, own], rcond=APART, hermitian=True) for own in groups]
+    return np.array([score[own] @ P @ score[own] for own, P in zip(groups, inverses, strict=True)])
 
 
 def _followed(
