@@ -72,8 +72,8 @@ def second_mode_terms(
 def warnings_on_second_modes(model: MeasurementModel, modes: Sequence[int]) -> list[str]:
     """A warning for each mode that may be two."""
     return [
-        f"mode at {hz:.4g} Hz: it may be two modes, or one that is not linear or that a window smoothed; what "
-        f"it leaves has the form of a second one (by chance once in {1.0 / BY_CHANCE:g}); its standard "
+        f"mode at {hz:.4g} Hz: it may be two modes, or one that is not linear or that a window smoothed; "
+        f"what it leaves has the form of a second one (by chance once in {1.0 / BY_CHANCE:g}); its standard "
         "deviations are too small if it is two; ask for two more states, record longer, or with less noise"
         for hz in np.sort(natural_hz(model)[list(modes)])
     ]
