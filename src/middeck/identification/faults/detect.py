@@ -134,6 +134,21 @@ def biasing_faults(record: Record, wrong: Sequence[str] = ()) -> list[RecordFaul
     return [f for f in detect_faults(record) if f.kind in BIASING or (f.kind in BRIEF and f.channel in wrong)]
 
 
+def clipped_channels(record: Record) -> list[RecordFault]:
+    """Clipping of the channels of a record without gaps."""
+    sides: tuple[tuple[Side, tuple[Port, ...], np.ndarray], ...] = (
+        ("input", record.inputs, record.u), ("output", record.outputs, record.y)
+    )  # fmt: skip
+    return [
+        f.at(side, port, e)
+        for side, ports, samples in sides
+        for k, port in enumerate(ports)
+        for e, x in enumerate(samples[..., k])
+        if not is_dead(x)
+        for f in _clipping(x.ravel(), levels_of(x), period=x.shape[1] if record.periodic else None)
+    ]
+
+
 def _without(record: Record, found: Sequence[RecordFault], kinds: Sequence[str]) -> Record | None:
     """The record without outputs that have faults of these ``kinds``, and without dead inputs.
 
