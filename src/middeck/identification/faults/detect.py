@@ -9,7 +9,15 @@ from middeck.arguments import named_kinds
 from middeck.errors import DataError
 from middeck.identification.faults.against_reference import compare_with_reference
 from middeck.identification.faults.collocated_channels import find_pair_faults
-from middeck.identification.faults.equal_runs import FaultDraft, Runs, Signal, fault, levels_of
+from middeck.identification.faults.equal_runs import (
+    FaultDraft,
+    Levels,
+    Runs,
+    Signal,
+    Spans,
+    fault,
+    levels_of,
+)
 from middeck.identification.faults.gaps_clipping_and_dropouts import (
     find_clipped_mean,
     find_clipping,
@@ -27,6 +35,7 @@ from middeck.identification.faults.offset_drift_and_transient import (
     find_offset,
     find_transient,
     find_unsteady_input,
+    held_at,
 )
 from middeck.identification.faults.random_drift import find_random_drift
 from middeck.identification.faults.spikes import find_spikes, is_impact, spike_runs
@@ -125,6 +134,21 @@ def biasing_faults(record: Record, wrong: Sequence[str] = ()) -> list[RecordFaul
     return [f for f in detect_faults(record) if f.kind in BIASING or (f.kind in BRIEF and f.channel in wrong)]
 
 
+def clipped_channels(record: Record) -> list[RecordFault]:
+    """Clipping of the channels of a record without gaps."""
+    sides: tuple[tuple[Side, tuple[Port, ...], np.ndarray], ...] = (
+        ("input", record.inputs, record.u), ("output", record.outputs, record.y)
+    )  # fmt: skip
+    return [
+        f.at(side, port, e)
+        for side, ports, samples in sides
+        for k, port in enumerate(ports)
+        for e, x in enumerate(samples[..., k])
+        if not is_dead(x)
+        for f in _clipping(x.ravel(), levels_of(x), period=x.shape[1] if record.periodic else None)
+    ]
+
+
 def _without(record: Record, found: Sequence[RecordFault], kinds: Sequence[str]) -> Record | None:
     """The record without outputs that have faults of these ``kinds``, and without dead inputs.
 
@@ -168,6 +192,20 @@ def _filled(x: Signal) -> Signal:
     return np.interp(np.arange(len(x)), np.flatnonzero(good), x[good])
 
 
+def _clipping(x: Signal, levels: Levels, *, period: int | None) -> list[FaultDraft]:
+    """Clipping of a channel; of a held one, the values and not the samples that repeat them crowd."""
+    every, first = held_at(x)
+    values = x[first::every]
+    clipped = find_clipping(values, levels)
+    if not clipped and period is not None and period % every == 0 and len(values) % (period // every) == 0:
+        clipped = find_clipped_mean(values, period // every)
+    return [dataclasses.replace(f, samples=tuple(_held(f.samples, every, first))) for f in clipped]
+
+
+def _held(runs: Spans, every: int, first: int) -> Runs:
+    return [(first + every * a, first + every * b) for a, b in runs]
+
+
 def _channel_faults(
     periods: np.ndarray, port: Port, *, side: Side, periodic: bool, driven: Runs | None
 ) -> list[FaultDraft]:
@@ -179,8 +217,7 @@ def _channel_faults(
         hint = "check cable and gain, or leave the channel out"
         return gaps or [fault("dead", what, hint, severity="unusable", samples=((0, len(x)),))]
     levels = levels_of(x)
-    clipped = find_clipping(x, levels) or (find_clipped_mean(x, period) if periodic else [])
-    found = [*gaps, *clipped]
+    found = [*gaps, *_clipping(x, levels, period=period if periodic else None)]
     found += find_dropouts(x, levels, period=period, is_input=is_input)
     found += [] if driven is None else find_spikes(x, levels, driven)
     found += find_offset(x, port.unit, is_input=is_input)

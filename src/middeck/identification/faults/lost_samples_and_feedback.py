@@ -51,6 +51,9 @@ JUMPS, CALM, BEFORE = 6.0, 0.6, 3
 FEWEST_LARGE, BEYOND, LEAP, LEAST = 20, 12.0, 12.0, 1e-4
 # Noise behind a spike over that before it: of so few samples, it is below by chance in all but 1e-9.
 AS_BEFORE = 2.0
+# Of so few samples as follow a spike at an edge, the largest residual over the deviation of those before. The
+# last sample of a difference is computed from one side, and less than so many rms from what is foretold.
+GONE, STANDS_OUT = 5.0, 3.0
 # In shorter records samples lost on one side may look like feedback: inputs seem to follow the past.
 TELLS_LOSS = 1000
 # Samples by which an output may lead without a loop: differences and filters that look ahead, and what an
@@ -240,7 +243,9 @@ def _residuals(record: Record, u: np.ndarray, y: np.ndarray) -> list[Place]:
                 share = _told_later(x[calm], own[:, calm], after[:, calm])
             if share is not None and not _is_of_the_past(Y[o : o + 1], U, later, lags):
                 found.append((_fed_back(share, U.shape[1]), port))
-        elif at is not None:
+        if at is None:
+            found += [(f, port) for f in _spikes_at_edges(record, U, Y[o])]
+        else:
             # Predicted from its past, a spike is gone; after a joint the next samples are wrong, too.
             mended = Y[o].copy()
             mended[lags + at] -= left[at]
@@ -254,6 +259,31 @@ def _residuals(record: Record, u: np.ndarray, y: np.ndarray) -> list[Place]:
             jumps = bool(_jumps(U)[max(at + lags - BEFORE, 0) : at + lags + BEFORE + 1].any())
             place = _stands_out(record, at + lags) if gone else _joined(record, at + lags, jumps=jumps)
             found.append((place, port))
+    return found
+
+
+def _spikes_at_edges(record: Record, U: Float[np.ndarray, "input sample"], y: Signal) -> list[FaultDraft]:
+    """A spike among the last samples, which have no later inputs, and the first, foretold backwards."""
+    lags, count = max(4, PAST // len(U)), len(y)
+    calm = ~np.convolve(_jumps(U), np.ones(2 * BEFORE + 1), "same").astype(bool)
+    found = []
+    for way in (1, -1):
+        own, inputs = y[None, ::way], U[:, ::way]
+        span = lags, count - lags
+        rows = np.vstack([beside(own, range(-lags, 0), *span), beside(inputs, range(-lags, 1), *span)])
+        left = _left(own[0, lags:], rows)
+        at = _alone(left)
+        if at is None or at < len(left) - PAST - lags or abs(left[at]) < STANDS_OUT:
+            continue
+        # Predicted from its past, a spike is gone, and so is what it foretold of the samples after it.
+        mended = own.copy()
+        mended[0, lags + at] -= left[at]
+        rows[:lags] = beside(mended, range(-lags, 0), *span)
+        after_it = _left(mended[0, lags:], rows)[at + 1 :]
+        place = range(count)[::way][lags + at]
+        before = float(np.std(left[:at]))
+        if calm[place] and float(np.max(np.abs(after_it), initial=0.0)) < GONE * before:
+            found.append(_stands_out(record, place))
     return found
 
 

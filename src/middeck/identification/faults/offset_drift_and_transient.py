@@ -80,16 +80,28 @@ def find_coarse_steps(x: Signal, levels: Levels) -> list[FaultDraft]:
 
 def find_held(x: Signal) -> list[FaultDraft]:
     """A channel that changes at every n-th sample only."""
-    moves = np.flatnonzero(np.diff(x))
-    if len(moves) < 20:
-        return []
-    gaps = np.diff(moves)
-    every = int(np.median(gaps))
-    if every < 2 or np.mean(gaps % every == 0) < 0.95 or np.mean(gaps == every) < 0.8:
+    every, _ = held_at(x)
+    if every < 2:
         return []
     what = f"moves at every {every}. sample only: recorded at a {every} times slower rate and held"
     hint = "resample all channels to the slower rate, or take the hold into account"
     return [fault("held", what, hint)]
+
+
+def held_at(x: Signal) -> tuple[int, int]:
+    """Samples for which each value is held, and the first that begins one; (1, 0) if none are.
+
+    >>> held_at(np.repeat(np.arange(30.0), 3))
+    (3, 0)
+    """
+    moves = np.flatnonzero(np.diff(x))
+    if len(moves) < 20:
+        return 1, 0
+    gaps = np.diff(moves)
+    every = int(np.median(gaps))
+    if every < 2 or np.mean(gaps % every == 0) < 0.95 or np.mean(gaps == every) < 0.8:
+        return 1, 0
+    return every, int(moves[0] + 1) % every
 
 
 def find_transient(x: Signal, period: int) -> list[FaultDraft]:

@@ -22,6 +22,9 @@ from middeck.identification.faults.equal_runs import (
 # Spikes: samples on each side that a spike is compared with, the nearest left out, and by how many times
 # their span it leaves it. Of Gaussian samples one in 1e9 does.
 BESIDE, LEAP = 12, 2.0
+# Samples beside those are of the same spike if they leave it by so many times the span, and lie off by such a
+# share of what its largest does.
+BELONGS, SHARES = 1.0, 0.5
 # Samples on each side that are left out where longer ones are sought: so many and one may be one spike.
 WIDE = 8
 # Samples so many times beyond the hundredth that are largest, no more than a share of all, are not among
@@ -110,10 +113,17 @@ def _outside_runs(x: Signal, step: float) -> Runs:
     if len(x) < 2 * BESIDE + 5:
         return []
     others = _without_far(x)
-    found = _outside(x, others, step, 1)
+    found = _outside(x, others, step, 1, LEAP)
     if len(x) > 4 * (BESIDE + WIDE):
         inner = slice(BESIDE + WIDE, -BESIDE - WIDE)
-        found[inner] |= _outside(x, others, step, WIDE)[inner]
+        wide, whole = (np.zeros(len(x), dtype=bool) for _ in range(2))
+        wide[inner] = _outside(x, others, step, WIDE, LEAP)[inner]
+        whole[inner] = _outside(x, others, step, WIDE, BELONGS)[inner]
+        found |= wide
+        for a, b in runs_of(whole):
+            if b - a <= WIDE + 1 and wide[a:b].any():
+                off = np.abs(x[a:b] - _rest(x, a, b))
+                found[a:b] |= off > SHARES * off[wide[a:b]].max()
     return [run for run in runs_of(found) if not (_decays(x, run) or _goes_on(x, run))]
 
 
@@ -126,12 +136,12 @@ def _without_far(x: Signal) -> Signal:
     return np.where(far, np.interp(np.arange(len(x)), np.flatnonzero(~far), x[~far]), x)
 
 
-def _outside(x: Signal, others: Signal, step: float, near: int) -> Bool[np.ndarray, " sample"]:
-    """Samples outside of the ``others`` more than ``near`` and up to BESIDE + ``near`` - 1 away."""
+def _outside(x: Signal, others: Signal, step: float, near: int, leap: float) -> Bool[np.ndarray, " sample"]:
+    """Samples ``leap`` spans outside of the ``others`` more than ``near``, and BESIDE - 1 more, away."""
     highest = _beside(others, scipy.ndimage.maximum_filter1d, near)
     lowest = -_beside(-others, scipy.ndimage.maximum_filter1d, near)
     beyond = np.maximum(x - highest, lowest - x)
-    return (beyond > LEAP * (highest - lowest) + 5.0 * step) & (beyond > ROUNDING * np.abs(x).max())
+    return (beyond > leap * (highest - lowest) + 5.0 * step) & (beyond > ROUNDING * np.abs(x).max())
 
 
 def _beside(x: Signal, largest: Callable[..., np.ndarray], near: int) -> Signal:
@@ -170,9 +180,13 @@ def _decays(x: Signal, run: tuple[int, int]) -> bool:
 def _goes_on(x: Signal, run: tuple[int, int]) -> bool:
     """Whether samples beside a run are off the median too: part of a longer level, as of a square wave."""
     a, b = run
-    rest = np.median(x[max(a - BESIDE - WIDE, 0) : b + BESIDE + WIDE])
-    off = np.abs(x[max(a - 1, 0) : b + 1] - rest)
+    off = np.abs(x[max(a - 1, 0) : b + 1] - _rest(x, a, b))
     return bool(max(off[0] * (a > 0), off[-1] * (b < len(x))) > LASTS * off[min(a, 1) : b - a + 1].max())
+
+
+def _rest(x: Signal, a: int, b: int) -> float:
+    """The median of the samples of a run and beside it."""
+    return float(np.median(x[max(a - BESIDE - WIDE, 0) : b + BESIDE + WIDE]))
 
 
 def is_impact(x: Signal) -> bool:

@@ -8,7 +8,7 @@ import numpy as np
 
 from middeck.arguments import named_kinds
 from middeck.errors import ConfigError, DataError
-from middeck.identification.faults.detect import biasing_faults
+from middeck.identification.faults.detect import biasing_faults, clipped_channels
 from middeck.identification.faults.unlike_experiments import find_unlike_experiments
 from middeck.identification.model.refused_data import check_record
 from middeck.identification.spectra import response_under_feedback
@@ -146,14 +146,15 @@ def response_scatter(
 
 
 def _biasing_faults(record: Record) -> list[str]:
-    """Faults that bias all lines alike; periods show theirs by their scatter, but for unlike experiments."""
+    """Faults that bias all lines alike; periods show by their scatter what does not repeat."""
     # Scale samples of any size by powers of two, which leave the digits as they are.
     u, y = (
         np.ldexp(x, -np.frexp(np.abs(x).max(axis=(0, 1, 2), initial=0.0))[1]) for x in (record.u, record.y)
     )
     sized = dataclasses.replace(record, u=u, y=y)
     if record.periodic:
-        return [fault.in_a_line for fault in find_unlike_experiments(sized)]
+        repeating = clipped_channels(sized) + find_unlike_experiments(sized)
+        return [fault.in_a_line for fault in repeating]
     found, run = biasing_faults(sized), as_periods(sized)
     if run.periodic and not any(fault.kind == "unlike" for fault in found):
         found += find_unlike_experiments(run)
