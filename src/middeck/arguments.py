@@ -48,11 +48,11 @@ def named_kinds(function: Callable[P, R]) -> Callable[P, R]:
     def called(*args: Any, **given: Any) -> Any:
         try:
             return function(*args, **given)
-        except foreign:
+        except foreign as error:
             fault = fault_of(function, args, given)
             if fault is None:
                 raise
-            raise fault from None
+            raise fault from error
 
     # In the function's own module, where doctest looks for it: all that it needs is in its closure.
     plain = cast(types.FunctionType, called)
