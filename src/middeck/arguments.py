@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import functools
 import inspect
+import itertools
 import math
 import types
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -112,7 +113,7 @@ def _fits_generic(value: Any, origin: type, inner: tuple[Any, ...]) -> bool:
     if issubclass(origin, Mapping):
         return isinstance(value, Mapping) and all(fits(x, inner[-1]) for x in value.values())
     if origin in ROWS:
-        return _is_row(value) and all(fits(x, inner[0]) for x in value[:MANY])
+        return _is_row(value) and all(fits(x, inner[0]) for x in itertools.islice(value, MANY))
     return callable(value) if origin is Callable else _is_one(value, origin)
 
 

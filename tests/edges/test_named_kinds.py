@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import inspect
+from collections import deque
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -112,6 +114,8 @@ def test_warnings_blame_the_line_that_called() -> None:
         ({"a": "b"}, dict[str, float], False),
         (np.zeros(0), list[float], False),
         ([], list[float], True),
+        (deque([1.0]), Sequence[float], True),
+        (deque(["a"]), Sequence[float], False),
     ],
 )
 def test_what_fits(value: object, hint: Any, expected: bool) -> None:

@@ -233,6 +233,22 @@ def test_a_held_channel_that_is_clipped_is_both(campaign: Callable[[int], range]
         assert all(np.abs(run[a:b]).min() >= limit for f in found for a, b in f.samples)
 
 
+def test_samples_of_a_held_limit_end_with_the_record() -> None:
+    """The last value of a record may be held for less than the others."""
+    rng = np.random.default_rng(0)
+    values = rng.standard_normal(700).clip(-1.2, 1.2)
+    values[-2:] = 1.2
+    y = np.repeat(values, 3)[:-2]
+    u = rng.standard_normal(len(y))
+    ports = (Port("torque", "N m"),), (Port("angle", "rad"),)
+    record = Record(
+        sample_hz=HZ, u=u[None, None, :, None], y=y[None, None, :, None], inputs=ports[0], outputs=ports[1],
+        periodic=False,
+    )  # fmt: skip
+    clipped = next(f for f in detect_faults(record) if f.kind == "clipping")
+    assert clipped.samples[-1] == (len(y) - 4, len(y))
+
+
 @pytest.mark.parametrize("colour", ["white noise", "slow noise", "a sine"])
 @pytest.mark.parametrize("size", repeats([30.0, 950.0]))
 def test_spikes_are_found_at_the_very_edges(colour: str, size: float) -> None:

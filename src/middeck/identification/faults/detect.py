@@ -199,11 +199,12 @@ def _clipping(x: Signal, levels: Levels, *, period: int | None) -> list[FaultDra
     clipped = find_clipping(values, levels)
     if not clipped and period is not None and period % every == 0 and len(values) % (period // every) == 0:
         clipped = find_clipped_mean(values, period // every)
-    return [dataclasses.replace(f, samples=tuple(_held(f.samples, every, first))) for f in clipped]
+    return [dataclasses.replace(f, samples=tuple(_held(f.samples, every, first, len(x)))) for f in clipped]
 
 
-def _held(runs: Spans, every: int, first: int) -> Runs:
-    return [(first + every * a, first + every * b) for a, b in runs]
+def _held(runs: Spans, every: int, first: int, count: int) -> Runs:
+    """Samples of runs of values; the last value may be held for fewer than the others."""
+    return [(first + every * a, min(first + every * b, count)) for a, b in runs]
 
 
 def _channel_faults(

@@ -212,12 +212,12 @@ def _scores_spread(
             @ np.ascontiguousarray(heard).view(float).mT
         )
     if common is not None:
-        spread = _spread_of_common(parts, np.tile(common, columns))
+        spread = _spread_of_common(parts, common)
     return spread + np.einsum("edp,efp->df", scores, scores)
 
 
 def _spread_of_common(
-    parts: Sequence[tuple[Float[np.ndarray, "direction row"], Complex[np.ndarray, "row line"]]],
+    parts: Sequence[tuple[Float[np.ndarray, "direction row"], Complex[np.ndarray, "row number"]]],
     common: Complex[np.ndarray, "output output line"],
 ) -> Float[np.ndarray, "direction direction"]:
     """Covariance of scores of all outputs, whose noise is correlated on each line.
@@ -227,7 +227,8 @@ def _spread_of_common(
     at = np.cumsum([0, *(Q.shape[1] for Q, _ in parts)])
     joint = np.zeros((at[-1], at[-1]))
     for (o, (_, one)), (p, (_, other)) in itertools.combinations_with_replacement(enumerate(parts), 2):
-        both = np.real((one.conj() * common[o, p]) @ other.T)
+        alike = np.tile(common[o, p], one.shape[1] // common.shape[2])  # in each experiment
+        both = np.real((one.conj() * alike) @ other.T)
         joint[at[o] : at[o + 1], at[p] : at[p + 1]] = both
         joint[at[p] : at[p + 1], at[o] : at[o + 1]] = both.T
     Q = np.hstack([Q for Q, _ in parts])
