@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import inspect
 from collections import deque
 from collections.abc import Sequence
@@ -12,6 +13,8 @@ import pytest
 
 import middeck as md
 from middeck.arguments import fits, named_kinds, words
+from middeck.errors import ConfigError, DataError
+from middeck.identification.model.measurement_model import model_response
 
 FUNCTIONS = sorted(name for name in md.__all__ if inspect.isfunction(getattr(md, name)))
 # Rooms whose functions have their own guards.
@@ -121,3 +124,30 @@ def test_warnings_blame_the_line_that_called() -> None:
 def test_what_fits(value: object, hint: Any, expected: bool) -> None:
     assert fits(value, hint) is expected
     assert words(hint)
+
+
+@pytest.mark.parametrize("rate", [np.nan, np.inf, 0.0, -1.0])
+def test_a_record_of_an_impossible_rate_is_refused(rate: float) -> None:
+    with pytest.raises(DataError, match="is not possible"):
+        dataclasses.replace(RECORD, sample_hz=rate)
+
+
+@pytest.mark.parametrize(
+    ("fields", "message"),
+    [
+        ({"sample_hz": "10"}, "a str stands in place of the sampling rate"),
+        ({"inputs": ("force",)}, "a str stands in place of the port among the inputs"),
+        ({"outputs": [None]}, "None stands in place of the port among the outputs"),
+        ({"outputs": RECORD.outputs[0]}, "a Port stands in place of the outputs"),
+    ],
+)
+def test_a_record_of_no_rate_or_ports_is_refused(fields: dict[str, Any], message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        dataclasses.replace(RECORD, **fields)
+
+
+def test_a_model_has_no_response_where_a_frequency_is_none() -> None:
+    model = md.fit_response(RESPONSE, states=1, constants="complex").model
+    for none in (np.nan, np.inf):
+        with pytest.raises(ConfigError, match="a frequency is not finite"):
+            model_response(model, np.array([0.1, none]))

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from numbers import Real
 
 import numpy as np
 from jaxtyping import Float
 
 from middeck.errors import DataError
 from middeck.signals.ports import Port, same_ports
-from middeck.values import record
+from middeck.values import record, require_kind
 
 Samples = Float[np.ndarray, "sample channel"]
 
@@ -25,6 +26,8 @@ class Record:
             otherwise there is one period, the record itself.
         held: Whether each input was held from its sample to the next, as a computer commands it; False:
             measured behind the same filters as the outputs; None where that is not known.
+
+    Raises `DataError` for a rate that none can be, and `ConfigError` for a port that is none.
     """
 
     sample_hz: float
@@ -34,6 +37,9 @@ class Record:
     outputs: tuple[Port, ...]
     periodic: bool
     held: bool | None = None
+
+    def __post_init__(self) -> None:
+        _require_rate_and_ports(self)
 
 
 @record
@@ -131,6 +137,17 @@ def stream_record(whole: Record) -> RecordStream:
         pieces=pieces,
         held=whole.held,
     )
+
+
+def _require_rate_and_ports(run: Record) -> None:
+    hz = run.sample_hz
+    require_kind(hz, Real, "sampling rate", "sample_hz, a number in Hz")
+    if not (np.isfinite(hz) and hz > 0.0):
+        raise DataError(f"a sampling rate of {hz} Hz is not possible", hint="sample_hz > 0 Hz, finite")
+    for side, ports in (("inputs", run.inputs), ("outputs", run.outputs)):
+        require_kind(ports, tuple, side, "a tuple of one Port for each channel")
+        for port in ports:
+            require_kind(port, Port, f"port among the {side}", "Port(name, unit)")
 
 
 def _regrouped(

@@ -7,6 +7,7 @@ import numpy as np
 
 from middeck.errors import DataError
 from middeck.files.records.columns import Columns, NamedColumn, Side
+from middeck.files.records.experiments_and_periods import check_channels
 from middeck.signals.fault import RecordFault, Severity
 from middeck.signals.ports import Channel, Port
 from middeck.signals.record import Record
@@ -82,6 +83,7 @@ def build_record(raw: Raw, columns: Columns | None, where: str) -> Record:
     """
     chosen = choose(raw.heads, columns, where)
     rate = sampling_rate(raw, columns, where)
+    check_channels(rate, chosen.inputs, chosen.outputs, where)
     shape = raw.x[0].shape if raw.x else (1, 1, 0)
     u, y = (
         np.stack([raw.x[k] for k in side], axis=-1) if side else np.empty((*shape, 0))

@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Bool, Complex, Float
 
 from middeck.arguments import named_kinds
+from middeck.errors import ConfigError
 from middeck.signals.ports import Port
 from middeck.systems.plants.response import FrequencyResponse
 from middeck.values import record
@@ -90,8 +91,14 @@ def is_single(value: Complex[np.ndarray, " value"], sample_hz: float | None) -> 
 def model_response(
     model: MeasurementModel, frequency_hz: Float[np.ndarray, " line"]
 ) -> Complex[np.ndarray, "line output input"]:
-    """Response at ``frequency_hz`` with the exact delay."""
-    s = 2j * np.pi * np.asarray(frequency_hz, dtype=float)
+    """Response at ``frequency_hz`` with the exact delay.
+
+    Raises `ConfigError` for a frequency that is not finite.
+    """
+    f = np.asarray(frequency_hz, dtype=float)
+    if not np.all(np.isfinite(f)):
+        raise ConfigError("a frequency is not finite", hint="numbers, in Hz")
+    s = 2j * np.pi * f
     return rational_response(model, s) * np.exp(-s[:, None, None] * path_delay(model))
 
 

@@ -37,10 +37,6 @@ def check_record(record: Record) -> None:
             f"inputs have {record.u.shape[:3]} samples, outputs {record.y.shape[:3]}",
             hint="u and y of one shape (experiment, period, sample), the channels apart",
         )
-    if not (np.isfinite(record.sample_hz) and record.sample_hz > 0.0):
-        raise DataError(
-            f"a sampling rate of {record.sample_hz} Hz is not possible", hint="sample_hz > 0 Hz, finite"
-        )
     if experiments * periods == 0 or samples < FEWEST_SAMPLES:
         raise DataError(
             f"{experiments} experiments of {periods} periods of {samples} samples are too few",
