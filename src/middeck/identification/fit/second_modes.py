@@ -14,6 +14,7 @@ import scipy.stats
 from jaxtyping import Complex, Float
 
 from middeck.identification.model.measurement_model import MeasurementModel, natural_hz, path_delay
+from middeck.identification.spectra.excess_variance import INDEPENDENT
 from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.identification.uncertainty.lacking_terms import TermRows, joint_scores
 from middeck.identification.uncertainty.parameter_deviations import distinct_poles
@@ -29,11 +30,14 @@ BY_CHANCE = 1e-3
 def second_modes(
     covariance: ModelCovariance, measured: FrequencyResponse, assumed: Float[np.ndarray, "output line input"]
 ) -> list[int]:
-    """The modes that may be two; lines are weighted by the ``assumed`` variance."""
+    """The modes that may be two; lines are weighted by the ``assumed`` variance.
+
+    None of a response of whole periods: distortion that repeats with them leaves the same form.
+    """
     model, structure, lines = covariance.model, covariance.structure, measured.frequency_hz
     f = natural_hz(model)
     modes = [m for m in distinct_poles(model) if model.is_pair[m] and lines[0] <= f[m] <= lines[-1]]
-    if not modes:
+    if not modes or measured.alike == INDEPENDENT:
         return []
     s, (outputs, inputs) = 2j * np.pi * lines, model.direct.shape
     each = np.stack([second_mode_terms(model, s, m) for m in modes])
