@@ -99,7 +99,10 @@ def fits(value: Any, hint: Any) -> bool:
     if hasattr(hint, "dim_str"):
         return _fits_array(value, hint)
     if hint is float:
-        return isinstance(value, Real) and not isinstance(value, bool) and not math.isnan(value)
+        # NaN is not up to infinity, and whole numbers beyond floats are.
+        return isinstance(value, Real) and not isinstance(value, bool) and bool(value <= math.inf)
+    if hint is bool:
+        return isinstance(value, bool | np.bool_)
     if hint is int:
         return isinstance(value, Integral) and not isinstance(value, bool)
     if origin is tuple and Ellipsis not in inner:

@@ -67,6 +67,13 @@ def test_losses_that_no_matrix_of_dampers_has_are_named():
     assert ["'m-b'" in made.warnings[0], "on a" in made.warnings[1], len(made.warnings)] == [True, True, 2]
 
 
+@pytest.mark.parametrize("lost", [{"flexible": 0.01}, {"by_mode": ((7, 0.02),)}])
+def test_ratios_of_modes_are_named_as_lost(lost):
+    part = dataclasses.replace(bent_beam(np.random.default_rng(6))[1], damping=Damping(**lost))
+    (warning,) = reduce_structure(part, ["a", "b"], count=6).warnings
+    assert "ratios of the article's modes are not in the component" in warning
+
+
 @pytest.mark.parametrize("axes", [[1.0, 1.0, -1.0], [1.0, 1.0, 0.5]])
 def test_axes_that_mirror_or_stretch_are_refused(axes):
     """In a plane the places fit, and frequencies were off by up to 16 %."""

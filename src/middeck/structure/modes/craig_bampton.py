@@ -159,12 +159,18 @@ def _dampers(at: Equilibrium, motions: np.ndarray) -> np.ndarray | None:
 
 
 def _losses_left_out(structure: Structure) -> Iterator[str]:
-    """Damping that no viscous matrix has, and dampers of the environment."""
+    """Damping that no viscous matrix of the coordinates has, and dampers of the environment."""
     lossy = [name for name, eta in structure.damping.loss_factor if eta != 0.0]
     if lossy:
         yield (
             f"the loss factors of {len(lossy)} members ({lossy[0]!r} first) are not in the component: a "
             "matrix of dampers has none; give the article that takes it a ratio of its own ([damping])"
+        )
+    damping = structure.damping
+    if damping.flexible or damping.suspension or damping.rigid or damping.table or damping.by_mode:
+        yield (
+            "the damping ratios of the article's modes are not in the component, which has other modes: give "
+            "the article that takes it a ratio of its own ([damping])"
         )
     away = [damper.at for damper in structure.damping.dampers if damper.place is DamperPlace.DEVICE]
     if away:
