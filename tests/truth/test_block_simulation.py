@@ -147,7 +147,7 @@ def test_pieces_make_the_whole_and_memory_does_not_grow():
     peaks = []
     for count in (4, 40):
         tracemalloc.start()
-        for _ in stream(system, (np.zeros((500, 2)) for _ in range(count))):
+        for _ in stream(system, (np.zeros((5000, 2)) for _ in range(count))):
             pass
         peaks.append(tracemalloc.get_traced_memory()[1])
         tracemalloc.stop()

@@ -115,11 +115,11 @@ def detect_faults(record: Record, reference: FrequencyResponse | None = None) ->
         found += find_relation_faults(clean)
         found += find_unlike_experiments(clean)
         found += find_gain_drift(clean)
-    # A limit moves no response in time: samples lost on one side show beside it.
-    limited = None if struck else _without(record, found, (*MISSING, *(k for k in LOCAL if k != "clipping")))
-    if limited is not None:
-        cut = {(f.channel, f.experiment) for f in found if f.side == "output" and f.kind == "clipping"}
-        related = find_relation_faults(limited) if cut else []
+    cut = {(f.channel, f.experiment) for f in found if f.side == "output" and f.kind == "clipping"}
+    if cut and not struck:
+        # A limit moves no response in time: samples lost on one side show beside it.
+        limited = _without(record, found, (*MISSING, *(k for k in LOCAL if k != "clipping")))
+        related = [] if limited is None else find_relation_faults(limited)
         found += [f for f in related if f.kind == "shift" and (f.channel, f.experiment) in cut]
     if reference is not None and not any(f.kind in MISSING for f in found):
         found += compare_with_reference(record, reference)
