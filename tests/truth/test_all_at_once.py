@@ -117,5 +117,5 @@ def test_memory_is_that_of_a_block_however_long_the_run(rig, law):
             pass
         peaks.append(tracemalloc.get_traced_memory()[1])
         tracemalloc.stop()
-    # Ten times as long, the same memory: a tenth for what the interpreter keeps, some 10 kB whatever the block.
+    # Ten times as long, the same memory: a tenth for what the interpreter keeps, 10 kB whatever the block.
     assert peaks[1] < 1.1 * peaks[0]
