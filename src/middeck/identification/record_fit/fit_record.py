@@ -544,12 +544,15 @@ def _undamped(lines: FrequencyResponse, model: MeasurementModel, fit: Tidied) ->
     apart = lines.frequency_hz[1] - lines.frequency_hz[0] if len(f) and len(lines.frequency_hz) > 1 else 0.0
     sines = np.array([line.hz for line in fit.lines])
     within = model.is_pair & (f >= lines.frequency_hz[0]) & (f <= lines.frequency_hz[-1])
+    steady = -np.real(model.poles) < HARDLY * LIGHTEST * apart
+    beside = np.any(np.abs(sines - f[:, None]) < BESIDE * apart, axis=1)
+    why = {
+        True: "undamped or unstable, which cannot be fitted: it does not decay within the record",
+        False: "a steady sine was fitted beside it, nearer than the record tells the two apart",
+    }
     return [
-        f"mode at {f[m]:.4g} Hz: undamped or unstable, which cannot be fitted: it does not decay within the "
-        "record, or a steady sine lies beside it; the stated standard deviations are too small"
-        for m in np.flatnonzero(within)
-        if -np.real(model.poles[m]) < HARDLY * LIGHTEST * apart
-        or np.any(np.abs(sines - f[m]) < BESIDE * apart)
+        f"mode at {f[m]:.4g} Hz: {why[bool(steady[m])]}; the stated standard deviations are too small"
+        for m in np.flatnonzero(within & (steady | beside))
     ]
 
 
