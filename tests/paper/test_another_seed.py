@@ -1,6 +1,7 @@
 """The order search on a record whose modes the first start of an order does not find."""
 
 import numpy as np
+import pytest
 
 from middeck.files.studies.documents import load_study
 from middeck.identification.model.fit_options import FitOptions, decided
@@ -13,6 +14,7 @@ from middeck.study.chapters.two_sensor_control.chapter import TWO_SENSOR_CONTROL
 from middeck.systems.plants.response import in_band
 
 
+@pytest.mark.kernels
 def test_a_search_does_not_end_while_a_mode_is_lacking():
     """With seed 4 no size from 14 to 18 states paid, by its few starts, and 12 missed the bus's modes."""
     study = load_study("studies/mace-1993.toml")

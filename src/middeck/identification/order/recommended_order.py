@@ -38,7 +38,7 @@ from middeck.systems.plants.response import FrequencyResponse
 # An order is given up to so many turns of a few steps before it is compared.
 MOST_TURNS = 6
 # A fit that misses more of the lines kept out than this share and their noise lacks a mode that can be found.
-LACKING = 0.2
+LACKING = 0.1
 
 
 def recommend_states(

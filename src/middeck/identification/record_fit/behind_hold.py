@@ -1,20 +1,26 @@
 """The fit of the system behind a hold of the inputs: a first model estimates the folded-back response."""
 
 import dataclasses
+import functools
 from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
+from middeck.errors import FitError
 from middeck.identification.fit.fit_response import FitResult, marked
-from middeck.identification.model.measurement_model import MeasurementModel, natural_hz
+from middeck.identification.model.measurement_model import MeasurementModel, damping_ratio, natural_hz
 from middeck.identification.model.steady_simulation import folded_modes, folded_response
 from middeck.signals.record import Record
 from middeck.systems.sampling.zero_order_hold import release_inputs
 
 # Share of half the rate from which a mode of a first model may stand for what is folded back there.
 NEAR_HALF = 0.9
+# Damping ratio from which a mode's response is as smooth as that of what is folded back.
+LIGHT = 0.2
+# Fits of what is left by the light modes of the one before, each of which tells it better.
+TURNS = 4
 
 
 class Made(NamedTuple):
@@ -37,31 +43,60 @@ def fit_behind_hold(
 ) -> Made:
     """The fit of the system behind the hold, less the response that ``first`` folds back.
 
-    What is folded back is as large as the response near half the rate. A mode of ``first`` there may stand
-    for it, and is left out, unless that leaves doubts and a longer description than with it.
+    What is folded back is as large as the response near half the rate. Modes of ``first`` there, and heavy
+    ones, may stand for it. They are left out where that leaves no doubts, or is the shorter description.
     """
     below_hz, f = NEAR_HALF * 0.5 * record.sample_hz, natural_hz(first.model)
+    behind = functools.partial(_behind, fit, given, record)
     if not first.real or not np.any((f > below_hz) & (f <= last_hz)):
-        return _behind(fit, given, record, first, last_hz)
-    without = _behind(fit, given, record, first, below_hz)
-    if not without.fit.warnings:
-        return without
-    return min(without, _behind(fit, given, record, first, last_hz), key=lambda made: made.length)
+        made = behind(first, last_hz)
+    else:
+        made = behind(first, below_hz)
+        if made.fit.warnings:
+            made = _shorter(made, behind(first, last_hz))
+    light = bool(np.all(damping_ratio(first.model) < LIGHT))
+    return made if light else _less_light_modes(behind, made, first, below_hz)
+
+
+def _less_light_modes(behind: Callable[..., Made], made: Made, first: First, last_hz: float) -> Made:
+    """The fit less what light modes alone fold back, while that leaves doubts and is the shorter one."""
+    for _ in range(TURNS):
+        if not made.fit.warnings:
+            break
+        try:
+            other = behind(first, last_hz, heaviest=LIGHT)
+        except FitError:
+            break
+        if other.length >= made.length:
+            break
+        made, first = other, First(other.fit.model, first.real)
+    return made
+
+
+def _shorter(made: Made, other: Made) -> Made:
+    return min(made, other, key=lambda made: made.length)
 
 
 def _behind(
-    fit: Callable[[Record, Record], Made], given: Record, record: Record, first: First, last_hz: float
+    fit: Callable[[Record, Record], Made],
+    given: Record,
+    record: Record,
+    first: First,
+    last_hz: float,
+    heaviest: float = np.inf,
 ) -> Made:
     behind = release_inputs(record)
-    behind = dataclasses.replace(behind, y=record.y - _folded_outputs(first, record, last_hz))
+    behind = dataclasses.replace(behind, y=record.y - _folded_outputs(first, record, last_hz, heaviest))
     made = fit(given, behind)
     return made._replace(fit=marked(made.fit, 1.0 / record.sample_hz))
 
 
-def _folded_outputs(first: First, record: Record, last_hz: float) -> Float[np.ndarray, "*outputs"]:
+def _folded_outputs(
+    first: First, record: Record, last_hz: float, heaviest: float
+) -> Float[np.ndarray, "*outputs"]:
     """The part of the outputs that is folded back: held inputs reach beyond half the rate."""
     model = first.model
-    kept = folded_modes(model, last_hz, real=first.real)
+    kept = folded_modes(model, last_hz, real=first.real) & (damping_ratio(model) < heaviest)
     run = record.u.reshape(len(record.u), -1, record.u.shape[3])
     f = np.fft.rfftfreq(run.shape[1], 1.0 / record.sample_hz)
     H = np.zeros((len(f), *model.direct.shape), dtype=complex)

@@ -102,6 +102,16 @@ MOVED = 1.0
 # A decay rate over the least of the search that may be that, and lines between a mode and a sine that
 # may be its own.
 HARDLY, BESIDE = 1.5, 2.0
+# What a continuous model behind a hold may leave, over what a sampled one with doubts does, each over the
+# outputs on its own lines: some unknowns more, and lines near half the rate, are worth a percent.
+AS_WELL = 1.03
+# Outputs of which a second fit takes seconds.
+FEW_OUTPUTS = 6
+UP_TO_HALF = "sampled, as the inputs drive all up to half the rate; "
+HELD_AND_LATE = (
+    "behind a hold, as the inputs drive all up to half the rate, and with a delay, for which a sampled model "
+    "needs poles that the data do not tell; "
+)
 
 
 @named_kinds
@@ -141,7 +151,8 @@ def fit_record(
             of the record, or for a continuous model of a long one, of an estimated response.
         sampled: A sampled model, right for held inputs; or a continuous one, whose inputs are band-limited
             between samples. By default sampled where the inputs drive all frequencies up to half the rate, as
-            no band-limited ones do, and neither the band nor an option asks for a continuous model.
+            no band-limited ones do, and neither the band nor an option asks for a continuous model; unless it
+            leaves doubts that a continuous one behind the hold, with a delay, does not.
         band_hz: Lines to fit: by default those of the band that the inputs drive, and all of a sampled model.
         constants, delay, direct, residuals, full_rank, rigid, integrators, relative_degree: As for
             `fit_response`.
@@ -201,9 +212,30 @@ def fit_samples(
             hint=f"(parts, {periods * samples}, {inputs}): samples of an experiment, inputs",
         )
     band_hz = below_half_rate(band_hz, record.sample_hz)
-    given, chosen = record, sampled is None
-    if sampled is None:
-        sampled = not asked.only_continuous and is_held(record, band_hz)
+    fit = functools.partial(
+        _fit_of_kind, asked=asked, band_hz=band_hz, weighting=weighting, tell=tell, input_noise=input_noise
+    )
+    if sampled is not None or asked.only_continuous or not is_held(record, band_hz):
+        return fit(record, sampled=bool(sampled))
+    found = fit(record, sampled=True)
+    with_delay = _with_a_delay(fit, found, record)
+    if with_delay is not None:
+        return with_delay
+    return dataclasses.replace(found, order_reason=UP_TO_HALF + found.order_reason)
+
+
+def _fit_of_kind(
+    record: Record,
+    *,
+    sampled: bool,
+    asked: FitOptions,
+    band_hz: tuple[float, float] | None,
+    weighting: Weighting | None,
+    tell: Callable[[str], None],
+    input_noise: Float[np.ndarray, "part sample input"] | None,
+) -> FitResult:
+    """The fit of a sampled model, or of a continuous one, behind the hold if the inputs have one."""
+    given, periods = record, record.u.shape[1]
     asked = dataclasses.replace(asked, sample_hz=record.sample_hz if sampled else None)
     trend = not (asked.residuals or asked.at_zero)  # inputs may have one, as outputs may
     if record.periodic and periods > 1:
@@ -223,9 +255,7 @@ def fit_samples(
     )
     fit = functools.partial(_fit, search, input_noise=input_noise)
     if sampled:
-        found = fit(given, record).fit
-        why = "sampled, as the inputs drive all up to half the rate; " if chosen else ""
-        return dataclasses.replace(found, order_reason=why + found.order_reason)
+        return fit(given, record).fit
     assert band_hz is not None  # sampled models alone leave it open
     if record.held:
         first = _first(search, given, release_inputs(record))
@@ -249,6 +279,20 @@ def fit_samples(
         if why == IN_STEPS:
             return steps_as_not_held(made.fit, record.sample_hz)
     return marked(made.fit, None if record.held is None else 0.0)
+
+
+def _with_a_delay(fit: Callable[..., FitResult], found: FitResult, given: Record) -> FitResult | None:
+    """A continuous model behind the hold in the place of a sampled one with doubts; None if it has any.
+
+    A sampled model has poles for a delay, which no data tell from poles far beyond half the rate.
+    """
+    if not found.warnings or len(given.outputs) > FEW_OUTPUTS:
+        return None
+    with contextlib.suppress(FitError):
+        other = fit(dataclasses.replace(given, held=True), sampled=False)
+        if not other.warnings and np.all(other.error <= AS_WELL * found.error):
+            return dataclasses.replace(other, order_reason=HELD_AND_LATE + other.order_reason)
+    return None
 
 
 class _Found(NamedTuple):
