@@ -139,6 +139,7 @@ def test_a_record_of_an_impossible_rate_is_refused(rate: float) -> None:
     ("fields", "message"),
     [
         ({"sample_hz": "10"}, "a str stands in place of the sampling rate"),
+        ({"sample_hz": True}, "a truth value stands in place of the sampling rate"),
         ({"inputs": ("force",)}, "a str stands in place of the port among the inputs"),
         ({"outputs": [None]}, "None stands in place of the port among the outputs"),
         ({"outputs": RECORD.outputs[0]}, "a Port stands in place of the outputs"),
@@ -147,6 +148,11 @@ def test_a_record_of_an_impossible_rate_is_refused(rate: float) -> None:
 def test_a_record_of_no_rate_or_ports_is_refused(fields: dict[str, Any], message: str) -> None:
     with pytest.raises(ConfigError, match=message):
         dataclasses.replace(RECORD, **fields)
+
+
+def test_a_rate_may_be_the_array_of_one_number_that_a_file_gives() -> None:
+    rate = dataclasses.replace(RECORD, sample_hz=np.array(10.0)).sample_hz
+    assert (rate, type(rate)) == (10.0, float)
 
 
 def test_a_model_has_no_response_where_a_frequency_is_none() -> None:

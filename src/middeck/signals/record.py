@@ -8,7 +8,7 @@ from numbers import Real
 import numpy as np
 from jaxtyping import Float
 
-from middeck.errors import DataError
+from middeck.errors import ConfigError, DataError
 from middeck.signals.ports import Port, same_ports
 from middeck.values import record, require_kind
 
@@ -141,7 +141,12 @@ def stream_record(whole: Record) -> RecordStream:
 
 def _require_rate_and_ports(run: Record) -> None:
     hz = run.sample_hz
-    require_kind(hz, Real, "sampling rate", "sample_hz, a number in Hz")
+    if isinstance(hz, np.ndarray) and hz.ndim == 0:  # as np.load gives it
+        hz = run.__dict__["sample_hz"] = hz.item()
+    hint = "sample_hz, a number in Hz"
+    require_kind(hz, Real, "sampling rate", hint)
+    if isinstance(hz, bool):
+        raise ConfigError("a truth value stands in place of the sampling rate", hint=hint)
     if not (np.isfinite(hz) and hz > 0.0):
         raise DataError(f"a sampling rate of {hz} Hz is not possible", hint="sample_hz > 0 Hz, finite")
     for side, ports in (("inputs", run.inputs), ("outputs", run.outputs)):
