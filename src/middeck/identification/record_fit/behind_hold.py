@@ -59,7 +59,8 @@ def fit_behind_hold(
 
 
 def _less_light_modes(behind: Callable[..., Made], made: Made, first: First, last_hz: float) -> Made:
-    """The fit less what light modes alone fold back, while that leaves doubts and is the shorter one."""
+    """The shortest fit less what light modes alone fold back: those of ``first``, then of the fit before."""
+    before = np.inf
     for _ in range(TURNS):
         if not made.fit.warnings:
             break
@@ -67,9 +68,9 @@ def _less_light_modes(behind: Callable[..., Made], made: Made, first: First, las
             other = behind(first, last_hz, heaviest=LIGHT)
         except FitError:
             break
-        if other.length >= made.length:
+        if other.length >= before:
             break
-        made, first = other, First(other.fit.model, first.real)
+        made, before, first = _shorter(made, other), other.length, First(other.fit.model, first.real)
     return made
 
 
