@@ -38,6 +38,7 @@ from middeck.identification.model.fit_options import (
     FitOptions,
     decided,
     may_be_of_paths,
+    usual_constants,
 )
 from middeck.identification.model.measurement_model import MeasurementModel, model_response, natural_hz
 from middeck.identification.model.refused_data import check_record, check_word
@@ -218,7 +219,7 @@ def fit_samples(
     if sampled is not None or asked.only_continuous or not is_held(record, band_hz):
         return fit(record, sampled=bool(sampled))
     found = fit(record, sampled=True)
-    with_delay = _with_a_delay(fit, found, record)
+    with_delay = _with_a_delay(fit, found, record, asked)
     if with_delay is not None:
         return with_delay
     return dataclasses.replace(found, order_reason=UP_TO_HALF + found.order_reason)
@@ -281,12 +282,16 @@ def _fit_of_kind(
     return marked(made.fit, None if record.held is None else 0.0)
 
 
-def _with_a_delay(fit: Callable[..., FitResult], found: FitResult, given: Record) -> FitResult | None:
+def _with_a_delay(
+    fit: Callable[..., FitResult], found: FitResult, given: Record, asked: FitOptions
+) -> FitResult | None:
     """A continuous model behind the hold in the place of a sampled one with doubts; None if it has any.
 
-    A sampled model has poles for a delay, which no data tell from poles far beyond half the rate.
+    A sampled model has poles for a delay, which no data tell from poles far beyond half the rate. Rates have
+    complex constants, which are confounded with a delay.
     """
-    if not found.warnings or len(given.outputs) > FEW_OUTPUTS:
+    late = (asked.constants or usual_constants(given.outputs, None)) == "real" and asked.delay is not False
+    if not (found.warnings and late) or len(given.outputs) > FEW_OUTPUTS:
         return None
     with contextlib.suppress(FitError):
         other = fit(dataclasses.replace(given, held=True), sampled=False)
