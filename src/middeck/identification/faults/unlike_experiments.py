@@ -21,8 +21,11 @@ from middeck.signals.record import Record
 ALIKE, BETTER = 0.6, 0.2
 # Power of a response over that of noise from which it is compared.
 HEARD = 4.0
-# Correlation of two inputs from which their responses cannot be distinguished.
-ONE_INPUT = 0.3
+# Share of their power by which inputs differ at least where their responses are told apart.
+LEAST_APART = 0.1
+# Correlation of two inputs from which their responses cannot be distinguished, and of that with its opposite
+# in another experiment.
+ONE_INPUT, TURNED = 0.3, 0.3
 # Probability by chance of any gain of a record below which it is reported, and the least size; the median of
 # windows agrees with it within a half.
 BY_CHANCE, SHARE, AGREE = 1e-3, 0.005, 0.5
@@ -34,7 +37,7 @@ def find_unlike_experiments(record: Record) -> list[RecordFault]:
     if experiments < 2 or periods * samples < FEWEST_SAMPLES:
         return []
     inputs, outputs = _white(record.u), _white(record.y)
-    a = np.stack([correlation(*each, 0, ANSWER) for each in zip(inputs, outputs, strict=True)])
+    a = np.stack([_own(correlation(u, y, 0, ANSWER), u) for u, y in zip(inputs, outputs, strict=True)])
     found: list[RecordFault] = []
     for e in range(1, experiments):
         apart = _apart(inputs[0], inputs[e])[:, None]
@@ -60,8 +63,26 @@ def _apart(
     C, D = (correlation(u, u, -ANSWER, ANSWER) for u in (first, here))
     largest = np.maximum(np.abs(C), np.abs(D)).max(axis=2) / np.sqrt(first.shape[1])
     size = np.sqrt(np.sum(C**2, axis=2) * np.sum(D**2, axis=2))
-    turned = np.sum(C * D, axis=2) < -ALIKE * size
+    turned = np.sum(C * D, axis=2) < -TURNED * size
     return ~np.any((turned | (largest > ONE_INPUT)) & ~np.eye(len(first), dtype=bool), axis=1)
+
+
+def _own(
+    a: Float[np.ndarray, "output input lag"], u: Float[np.ndarray, "input sample"]
+) -> Float[np.ndarray, "output input lag"]:
+    """Responses to each input alone, over their deviations.
+
+    Inputs are a little alike by chance, so that a strong response shows in the correlation with another
+    input: a_i = sum_j R_ij * h_j, here for white inputs, R_ii = 1.
+    """
+    inputs, lags = len(u), np.arange(ANSWER + 1)
+    R = correlation(u, u, -ANSWER, ANSWER) / np.sqrt(u.shape[1])
+    R[np.diag_indices(inputs)] = np.arange(-ANSWER, ANSWER + 1) == 0
+    T = R.transpose(1, 0, 2)[:, :, lags[:, None] - lags + ANSWER].swapaxes(1, 2)
+    size, V = np.linalg.eigh(T.reshape(inputs * len(lags), -1))
+    inverse = V / np.maximum(size, LEAST_APART) @ V.T
+    h = a.reshape(len(a), -1) @ inverse / np.sqrt(np.diag(inverse))
+    return h.reshape(a.shape)
 
 
 def _cosine(a: np.ndarray, b: np.ndarray) -> float:
