@@ -151,7 +151,7 @@ def test_a_strong_response_is_not_taken_for_one_to_another_input(
 
 
 def test_a_turned_sensor_of_several_inputs_is_reported(campaign: Callable[..., range]) -> None:
-    """71 of one hundred; where it answers much only what it answers by another input, too, it is left open."""
+    """71 of one hundred; where other inputs show through as much, it is left open."""
     found = [find_unlike_experiments(several_inputs(seed, False, -1.0)) for seed in campaign(100, 12)]
     turned = [[(f.channel, f.experiment) for f in each] == [("root", 1)] for each in found]
     assert np.mean(turned) > 0.6
