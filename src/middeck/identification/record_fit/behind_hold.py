@@ -18,11 +18,15 @@ NEAR_HALF = 0.9
 
 
 class Made(NamedTuple):
-    """A fit, the length of its description, and the score of a hold that it lacks."""
+    """A fit, the length of its description, and the score of a hold that it lacks.
+
+    ``with_delays``: the length with delays in place of damped poles; infinite where there is none.
+    """
 
     fit: FitResult
     length: float
     hold: float
+    with_delays: float
 
 
 class First(NamedTuple):
