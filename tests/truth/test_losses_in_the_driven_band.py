@@ -1,4 +1,4 @@
-"""Samples lost in records whose inputs drive a part of all frequencies, with noise of the sensor beyond it."""
+"""Samples lost in records whose inputs drive a part of all frequencies, with noise of the sensor beyond."""
 
 import dataclasses
 from collections.abc import Callable

@@ -118,7 +118,7 @@ def correlation(
 
 
 def _shifts_in_band(record: Record, U: np.ndarray, Y: np.ndarray, u: np.ndarray) -> list[Place]:
-    """The shifts that show in the band alone that the inputs drive: beyond it is noise, made white as well."""
+    """The shifts that show in the band alone that the inputs drive: beyond it is noise, made as large."""
     low, high = driven_band(u.reshape(1, -1, u.shape[-1]), record.sample_hz)
     f = np.fft.rfftfreq(U.shape[1], 1.0 / record.sample_hz)
     driven = (f >= low) & (f <= high)
