@@ -73,7 +73,7 @@ def test_what_stands_for_a_delay_is_neither_a_sound_pole_nor_a_hold(case: tuple)
 
 def test_what_is_sound_is_right_behind_any_delays(campaign: Callable[..., range]):
     """Modes and residues; poles in the band that stand for a delay are told, in one record of five."""
-    for seed in campaign(100, 50):
+    for seed in campaign(100, 100):
         rng = np.random.default_rng([272, seed])
         degree, modes, outputs = (int(k) for k in rng.integers(1, 3, 3))
         record, known = answered_late(seed, degree, modes, list(rng.uniform(0.0, 6.0, outputs)))
