@@ -13,6 +13,7 @@ from jaxtyping import Bool, Float
 from scipy.fft import next_fast_len
 
 from middeck.identification.faults.equal_runs import FaultDraft, fault
+from middeck.signals.excitation.driven_band import driven_band
 from middeck.signals.excitation.repetition import find_repetition
 from middeck.signals.fault import RecordFault
 from middeck.signals.ports import Port
@@ -34,6 +35,9 @@ FEWEST_EVENTS, FEWEST_STEPS = 100.0, 3.0
 ALIKE, BETTER = 0.45, 0.2
 # Share of the parts that must be alike.
 MOST_ALIKE = 0.6
+# Shares of all lines between which a band is looked at alone: in less, a response and one that is a period of
+# its sines later are alike.
+MOST_NARROW, WHOLE = 0.1, 0.9
 # Gain required of a regression: in deviations of its chi-square law, and as a share of the prediction error.
 SURE, SHARE = 7.0, 0.02
 # Factors on the length of the past with which feedback is tested again, samples for each of its unknowns, and
@@ -74,8 +78,7 @@ def find_relation_faults(record: Record) -> list[RecordFault]:
         if u.shape[1] < FEWEST_SAMPLES:
             continue
         U, Y = np.array([whitened(x) for x in u]), np.array([whitened(x) for x in y])
-        own = _shifts(record, U, Y)
-        own = own or _residuals(record, u, y)
+        own = _shifts(record, U, Y) or _shifts_in_band(record, U, Y, record.u[e]) or _residuals(record, u, y)
         found += [f.at("output", port, e) for f, port in own]
         found += [f.at("output", port, e) for f, port in _long_delays(record, U, Y)]
     return found
@@ -114,8 +117,22 @@ def correlation(
 # Samples that were lost, or repeated.
 
 
-def _shifts(record: Record, U: np.ndarray, Y: np.ndarray) -> list[Place]:
-    """Outputs whose response shifts in time against the inputs: either side lost samples."""
+def _shifts_in_band(record: Record, U: np.ndarray, Y: np.ndarray, u: np.ndarray) -> list[Place]:
+    """The shifts that show in the band alone that the inputs drive: beyond it is noise, made as large."""
+    low, high = driven_band(u.reshape(1, -1, u.shape[-1]), record.sample_hz)
+    f = np.fft.rfftfreq(U.shape[1], 1.0 / record.sample_hz)
+    driven = (f >= low) & (f <= high)
+    if not MOST_NARROW < driven.mean() < WHOLE:
+        return []
+    within = [np.fft.irfft(np.fft.rfft(x, axis=1) * driven, U.shape[1], axis=1) for x in (U, Y)]
+    return _shifts(record, *within, share=float(driven.mean()))
+
+
+def _shifts(record: Record, U: np.ndarray, Y: np.ndarray, share: float = 1.0) -> list[Place]:
+    """Outputs whose response shifts in time against the inputs: either side lost samples.
+
+    Both are noise on a ``share`` of all lines: as many of their samples are independent.
+    """
     length = Y.shape[1] // PARTS
     parts = [slice(k * length // 2, k * length // 2 + length) for k in range(2 * PARTS - 1)]
     answers = np.stack([correlation(U[:, p], Y[:, p], -APART, ANSWER) for p in parts], axis=1)
@@ -124,7 +141,7 @@ def _shifts(record: Record, U: np.ndarray, Y: np.ndarray) -> list[Place]:
         # All inputs together show most; where one alone lost samples, only it shows that.
         every = list(range(len(U)))
         tried = (
-            _shift(U[of], y, parts, answers[o][:, of])
+            _shift(U[of], y, parts, answers[o][:, of], share)
             for of in ([every] if len(U) == 1 else [every, *([k] for k in every)])
         )
         step = next((s for s in tried if s is not None), None)
@@ -148,13 +165,14 @@ def _shift(
     y: Signal,
     parts: list[slice],
     answers: Float[np.ndarray, "part input lag"],
+    share: float,
 ) -> tuple[int, int] | None:
     """Sample near which, and samples by which, the response shifts within the record; None for no shift."""
     if not y.any() or _events(U) < FEWEST_EVENTS:
         return None
     lags = _lags(answers)
     step = None if lags is None else _best_step(lags)
-    at = None if step is None else _where(U, y, parts, *step)
+    at = None if step is None else _where(U, y, parts, *step, share)
     return None if step is None or at is None else (at, step[1])
 
 
@@ -191,20 +209,20 @@ def _best_step(lags: Float[np.ndarray, " part"]) -> tuple[int, int] | None:
     return None
 
 
-def _where(U: np.ndarray, y: Signal, parts: list[slice], part: int, shift: int) -> int | None:
+def _where(U: np.ndarray, y: Signal, parts: list[slice], part: int, shift: int, share: float) -> int | None:
     """Sample from which a shifted response explains the output better; None if it may be chance."""
     low, high = parts[max(part - 3, 0)].start, parts[min(part + 2, len(parts) - 1)].stop
     until = parts[max(part - 2, 0)].stop
     told = np.zeros_like(y)
     answers = correlation(U[:, :until], y[None, :until], 0, ANSWER)[0]
     for u, g in zip(U, answers, strict=True):
-        told += np.convolve(u, np.where(np.abs(g) > 4.0, g, 0.0) / np.sqrt(until))[: len(u)]
+        told += np.convolve(u, np.where(np.sqrt(share) * np.abs(g) > 4.0, g, 0.0) / np.sqrt(until))[: len(u)]
     moved = np.roll(told, shift)
     # Before the step the shift explains less: the sum rises up to there, and falls from there on.
     gain = np.cumsum((y - moved)[low:high] ** 2 - (y - told)[low:high] ** 2)
     at = int(np.argmax(gain))
     # In noise of the output's size either sum would deviate from its own by twice the root of the squares.
-    apart = np.cumsum((moved - told)[low:high] ** 2)
+    apart = np.cumsum((moved - told)[low:high] ** 2) / share
     rise, fall = gain[at], gain[at] - gain[-1]
     sure = rise > SURE * np.sqrt(apart[at]) and fall > SURE * np.sqrt(apart[-1] - apart[at])
     return low + at + 1 if sure else None

@@ -28,6 +28,10 @@ ROUNDING = 1e-12
 # Two poles closer than so many deviations of their distance: the response is no linear function of either
 # within its deviation.
 APART = 6.0
+# Share of a pole's variance that goes when another is known: two modes that the data hardly tell apart have
+# 0.95 and more. A mode far from a pair that stands for what is beyond the band has less than 0.1, however
+# little is known of that pair.
+OF_OTHER = 0.5
 # A pole whose half-power width is less than this share of the lines' distance follows one line alone.
 OF_ONE_LINE = 0.02
 # Half-power widths of a mode within which such a line is one of those that determine it.
@@ -73,7 +77,8 @@ def standing_of(
     close = _unresolved(covariance, significance)
     found: list[Standing] = []
     for m, hz in enumerate(f):
-        if model.is_pair[m] and not lines[0] <= hz <= lines[-1]:
+        # A sampled model has real poles beyond half the rate for much within the band.
+        if (model.is_pair[m] or model.sample_hz is None) and not lines[0] <= hz <= lines[-1]:
             found.append("outside")
         elif close[m]:
             found.append("unresolved")
@@ -108,7 +113,7 @@ def standing_of_delays(
 
 
 def _unresolved(covariance: ModelCovariance, significance: np.ndarray) -> np.ndarray:
-    """Modes whose pole is not clear of another pair's, by the deviations of both.
+    """Modes whose pole is not clear of another pair's, by the deviations of both, and depends on it.
 
     A significant mode stays resolved beside a doubtful one.
     """
@@ -120,10 +125,19 @@ def _unresolved(covariance: ModelCovariance, significance: np.ndarray) -> np.nda
             if m < n and model.is_pair[m] and model.is_pair[n]:
                 both = np.hypot(size[m], size[n])  # infinite where one is not determined: warned of elsewhere
                 near = abs(model.poles[m] - model.poles[n]) < APART * both < np.inf
-                for one, other in ((m, n), (n, m)):
+                for one, other in ((m, n), (n, m)) if near else ():
                     alone = significance[one] >= ALONE and significance[other] < DOUBTFUL
-                    found[one] |= near and not alone
+                    found[one] |= not alone and _share_of_other(covariance, one, other) > OF_OTHER
     return found
+
+
+def _share_of_other(covariance: ModelCovariance, one: int, other: int) -> float:
+    """The share of a pair's variance that comes from not knowing the pole of the other."""
+    at, poles = covariance.at, covariance.model.poles
+    size = np.abs([poles.real, poles.imag]).T[:, :, None]  # unknowns are logarithms
+    own, of_other = (size[m] * covariance.fixed[[at.sigma[m], at.omega[m]]] for m in (one, other))
+    direction = np.linalg.qr(of_other.T)[0]
+    return float(np.sum((own @ direction) ** 2) / np.sum(own**2))
 
 
 def warnings_on_standing(covariance: ModelCovariance, standing: Sequence[Standing]) -> list[str]:
@@ -196,7 +210,7 @@ def warnings_on_one_line(measured: FrequencyResponse, model: MeasurementModel) -
 
 
 def warnings_on_phase(model: MeasurementModel, phase: Iterable[int], delay_s: float) -> list[str]:
-    """A warning for the pairs that stand for a delay (`modes_that_stand_for_delay`)."""
+    """A warning for the poles that stand for a delay (`modes_that_stand_for_delay`)."""
     f, zeta = natural_hz(model), -np.real(model.poles) / np.abs(model.poles)
     places = ", ".join(f"{f[m]:.4g} Hz ({zeta[m]:.0%})" for m in sorted(phase, key=lambda m: f[m]))
     if not places:

@@ -1,7 +1,7 @@
-"""Pairs of a fit that represent a delay which its model lacks, rather than modes.
+"""Poles of a fit that represent a delay which its model lacks, rather than modes.
 
-A sampled model, or one with complex constants, has no delay. If the article has one, pairs of poles follow
-its phase: heavily damped ones, inside the band, with small standard deviations. Such pairs are recognised if
+A sampled model, or one with complex constants, has no delay. If the article has one, poles follow its phase:
+heavily damped pairs, and real ones, inside the band, with small standard deviations. They are recognised if
 the other poles, with a delay and a constant term, fit all paths as well within the noise.
 """
 
@@ -21,7 +21,7 @@ from middeck.identification.model.measurement_model import (
     natural_hz,
 )
 
-# Least damping ratio of a pair that may stand for a delay.
+# Least damping ratio of a pole that may stand for a delay.
 DAMPED = 0.1
 # Delays are tried up to so many periods of the last line, so many in each, then as many about the best.
 PERIODS, IN_PERIOD = 8, 16
@@ -36,7 +36,7 @@ def stands_for_delay(
     residual: Complex[np.ndarray, "output line column"],
     weight: Float[np.ndarray, "output line column"],
 ) -> tuple[Int[np.ndarray, " mode"], float]:
-    """Damped pairs which a delay [s] of each output replaces, and the longest; none, and zero, without.
+    """Damped poles which a delay [s] of each output replaces, and the longest; none, and zero, without.
 
     ``U`` are spectra of the inputs in each experiment, ``residual`` what the model leaves of the outputs, and
     ``weight`` one over its deviation.
@@ -44,26 +44,46 @@ def stands_for_delay(
     last_hz, zeta = float(np.imag(s[-1])) / (2.0 * np.pi), damping_ratio(model)
     rate = np.inf if model.sample_hz is None else model.sample_hz
     modes = ~model.is_pair | is_mode(model, rate)
-    damped = np.flatnonzero(model.is_pair & (zeta > DAMPED))
+    damped = damped_poles(model)
     if not len(damped):
         return damped, 0.0
-    response = model_response(model, np.imag(s) / (2.0 * np.pi))
-    data = np.einsum("koi,kic->okc", response, U) + residual
     left = np.sum(np.abs(residual * weight) ** 2, axis=(1, 2))
     for least in np.unique(zeta[damped]):
         out = damped[zeta[damped] >= least]
-        basis = _basis(model, s, np.setdiff1d(np.flatnonzero(modes), out))
         allowed = left + TOLD**2 * 2.0 * len(out) * U.shape[1]
-        delay_s = [_delay_instead(s, basis, U, *own) for own in zip(data, weight, allowed, strict=True)]
-        if min(delay_s) >= 0.0 and max(delay_s) > 0.0:
-            return out[natural_hz(model)[out] <= last_hz], max(delay_s)
+        kept = np.setdiff1d(np.flatnonzero(modes), out)
+        delay_s, with_them = delays_with(model, s, U, residual, weight, kept)
+        if np.all(with_them <= allowed) and delay_s.max() > 0.0:
+            return out[natural_hz(model)[out] <= last_hz], float(delay_s.max())
     return damped[:0], 0.0
 
 
-def _delay_instead(
-    s: np.ndarray, basis: np.ndarray, U: np.ndarray, data: np.ndarray, weight: np.ndarray, allowed: float
-) -> float:
-    """The delay of one output with which it is followed up to ``allowed``; negative without one."""
+def damped_poles(model: MeasurementModel) -> Int[np.ndarray, " mode"]:
+    """Poles that may stand for a delay; a sampled model has real ones for much else."""
+    may = model.is_pair | (model.sample_hz is None)
+    return np.flatnonzero(may & (damping_ratio(model) > DAMPED))
+
+
+def delays_with(
+    model: MeasurementModel,
+    s: Complex[np.ndarray, " line"],
+    U: Complex[np.ndarray, "line input column"],
+    residual: Complex[np.ndarray, "output line column"],
+    weight: Float[np.ndarray, "output line column"],
+    kept: Int[np.ndarray, " mode"],
+) -> tuple[Float[np.ndarray, " output"], Float[np.ndarray, " output"]]:
+    """The best delay [s] of each output behind the poles ``kept`` alone, and the squares that it leaves."""
+    response = model_response(model, np.imag(s) / (2.0 * np.pi))
+    data, basis = np.einsum("koi,kic->okc", response, U) + residual, _basis(model, s, kept)
+    found = [_delay_of_output(s, basis, U, *own) for own in zip(data, weight, strict=True)]
+    delay_s, left = np.array(found).T
+    return delay_s, left
+
+
+def _delay_of_output(
+    s: np.ndarray, basis: np.ndarray, U: np.ndarray, data: np.ndarray, weight: np.ndarray
+) -> tuple[float, float]:
+    """The delay with which an output is followed best, and the squares that are left."""
     columns = np.einsum("kb,kic,kc->kcbi", basis, U, weight).reshape(data.size, -1)
     q, seen = np.linalg.qr(stack_parts(columns))[0], data * weight
 
@@ -74,7 +94,7 @@ def _delay_instead(
     step = 2.0 * np.pi / float(np.imag(s[-1])) / IN_PERIOD
     near = min((step * k for k in range(PERIODS * IN_PERIOD + 1)), key=left)
     best = min(np.maximum(near + step * np.linspace(-1.0, 1.0, 2 * IN_PERIOD + 1), 0.0), key=left)
-    return float(best) if left(float(best)) <= allowed else -1.0
+    return float(best), left(float(best))
 
 
 def _basis(model: MeasurementModel, s: np.ndarray, kept: np.ndarray) -> Complex[np.ndarray, "line column"]:

@@ -313,13 +313,15 @@ def _with_level(
     U = windowed_spectra(blocks.u[:, 0], blocks.sample_hz, window_s)[:, kept, 0]
     ones = windowed_spectra(np.ones((1, blocks.u.shape[2], 1)), blocks.sample_hz, window_s)[0, kept]
     by = ones[:, 0] * np.sum(U.conj(), axis=0) / np.sum(np.abs(U) ** 2, axis=0)
-    more = np.abs(by)[:, None] ** 2 * level
+    more = (np.abs(by)[:, None] ** 2 * level)[:, :, None]
     assert found.total is not None  # blows are averages
     assert found.total_covariance is not None
+    # That of the outputs' noise, of which the response has as much as the inputs' power leaves.
+    of_noise = more / np.real(found.inverse_power)
     return dataclasses.replace(
         found,
-        total=found.total + more[:, :, None],
-        total_covariance=found.total_covariance + more[:, :, None] * np.eye(len(level)),
+        total=found.total + more,
+        total_covariance=found.total_covariance + of_noise * np.eye(len(level)),
     )
 
 

@@ -24,11 +24,15 @@ TURNS = 4
 
 
 class Made(NamedTuple):
-    """A fit, the length of its description, and the score of a hold that it lacks."""
+    """A fit, the length of its description, and the score of a hold that it lacks.
+
+    ``with_delays``: the length with delays in place of damped poles; infinite where there is none.
+    """
 
     fit: FitResult
     length: float
     hold: float
+    with_delays: float
 
 
 class First(NamedTuple):

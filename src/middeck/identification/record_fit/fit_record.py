@@ -13,7 +13,7 @@ from collections.abc import Callable
 from typing import Literal, NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from middeck.arguments import named_kinds
 from middeck.errors import ConfigError, FitError
@@ -27,7 +27,6 @@ from middeck.identification.fit.mode_trust import (
     warnings_on_phase,
     warnings_on_standing,
 )
-from middeck.identification.fit.modes_that_stand_for_delay import stands_for_delay
 from middeck.identification.fit.poles_beyond_the_band import UNDECIDED
 from middeck.identification.fit.undeclared_hold import perhaps_held, steps_as_not_held, taken_as_held
 from middeck.identification.fit.unneeded_modes import DOUBTFUL, mode_significance
@@ -50,6 +49,7 @@ from middeck.identification.record_fit import folded_blows, residual_growth, res
 from middeck.identification.record_fit.behind_hold import First, Made, fit_behind_hold
 from middeck.identification.record_fit.continuous_fit import fit_continuous
 from middeck.identification.record_fit.coupling_of_records import coupling_of_record
+from middeck.identification.record_fit.delays_for_poles import DelaysInstead, delays_instead
 from middeck.identification.record_fit.poles_for_delay import poles_instead
 from middeck.identification.record_fit.record_covariance import record_covariance
 from middeck.identification.record_fit.record_order import choose_record, record_length
@@ -84,7 +84,6 @@ from middeck.identification.record_fit.warnings_on_two_modes import (
 from middeck.identification.search.fit_warnings import warnings_on_deviations, words_on_terms_beyond
 from middeck.identification.search.leading_outputs import causal_delay, warnings_on_leads
 from middeck.identification.spectra.estimate import as_periods, estimate_response
-from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.identification.uncertainty.lacking_terms import NOTHING, LackingTerm
 from middeck.identification.uncertainty.parameter_deviations import uncertainty_of
 from middeck.signals.excitation.driven_band import driven_band, floor_variance, folded_power
@@ -272,7 +271,8 @@ def _fit_of_kind(
             behind = without_hold(made.fit.model, record.sample_hz)
             first = First(behind, made.fit.covariance.structure.real_constants)
             other = fit_behind_hold(fit, *held, first, band_hz[1])
-            shorter = made.length - other.length
+            # Poles that stand for a delay follow it better behind a hold, whose half period is a part of it.
+            shorter = min(made.length, made.with_delays) - other.length
             if shorter > (-UNDECIDED if why else UNDECIDED):
                 return taken_as_held(made.fit, other.fit, shorter, why, record.sample_hz)
             if why != IN_STEPS:
@@ -326,9 +326,13 @@ def _fit(
         heard = [residual_tests.heard_of(record, *of, input_noise) for of in both]
         grown = [residual_growth.growth_score(*of, made) for of, made in zip(both, heard, strict=True)]
         score = np.maximum(*grown)
-        found = _result(measured, record, fitted, reason, score, heard[1], input_noise)
+        instead = delays_instead(record, fitted.data, fitted.run)
+        found = _result(measured, record, fitted, reason, score, heard[1], input_noise, instead)
         return Made(
-            found, record_length(fitted.data, fitted.run), _hold_score(record, fitted, found, heard[1])
+            fit=found,
+            length=record_length(fitted.data, fitted.run),
+            hold=_hold_score(record, fitted, found, heard[1]),
+            with_delays=instead.length,
         )
 
 
@@ -494,6 +498,7 @@ def _result(
     score: np.ndarray,
     heard: residual_tests.Heard,
     input_noise: Float[np.ndarray, "part sample input"] | None,
+    instead: DelaysInstead,
 ) -> FitResult:
     data, run = fit.data, fit.run
     found = run.refined
@@ -523,8 +528,8 @@ def _result(
         wrong += folded_blows.warnings_on_folding(record, covariance, ends)
     leads = (fitted.delay_s < 0.0) & (uncertainty.delay_s > 0.0)
     lead = np.divide(-fitted.delay_s, uncertainty.delay_s, out=np.zeros(len(leads)), where=leads)
-    phase = _pairs_for_a_delay(model, covariance, data, run)
-    late = bool(len(phase[0]))
+    phase = instead.poles, instead.delay_s
+    late = bool(len(instead.poles))
     wrong += residual_tests.causes_of(measured, data, run, lead, error, heard, late=late)
     said += [
         *lacks.said,
@@ -576,15 +581,6 @@ def _causal(record: Record, fit: Tidied) -> tuple[MeasurementModel, FrequencyRes
     if not np.isfinite(lines.H).all():
         raise FitError("the fitted response is not finite", hint="fewer states")
     return fitted, lines, dataclasses.replace(fitted, delay_s=causal_delay(lines, fitted.delay_s))
-
-
-def _pairs_for_a_delay(
-    model: MeasurementModel, covariance: ModelCovariance, data: Data, run: RecordRun
-) -> tuple[Int[np.ndarray, " mode"], float]:
-    """Pairs that stand for a delay in a model without delays."""
-    if covariance.structure.with_delay:
-        return np.array([], dtype=int), 0.0
-    return stands_for_delay(model, data.s, data.U, run.residual(data), 1.0 / np.sqrt(run.variance))
 
 
 def _undamped(lines: FrequencyResponse, model: MeasurementModel, fit: Tidied) -> list[str]:

@@ -122,7 +122,7 @@ def causes_of(
     for o, r in enumerate(run.residual(data)):
         if _wander(r, data):  # its few lowest lines outweigh all others, and are correlated with anything
             quiet[o, :WANDERING] = 0.0
-    told = np.array([_told_by_inputs(w, data) for w in quiet])
+    told = np.array([_told_by_inputs(w, data, n) for w, n in zip(quiet, noise, strict=True)])
     together = np.zeros(len(white)) if late else _told_together(record, data, run, quiet, noise)
     play = _scores_of_law(_by_direction, record, data, run, size, noise)
     cube = (
@@ -362,19 +362,32 @@ def _by_cube(x: np.ndarray, data: Data) -> tuple[np.ndarray, np.ndarray, np.ndar
     return np.fft.rfft(cube, axis=1)[:, data.lines].T, x, data.s[:, None] * x
 
 
-def _told_by_inputs(white: Complex[np.ndarray, "line column"], data: Data) -> float:
-    """The largest correlation with an input, earlier or later, in deviations of noise."""
+def _told_by_inputs(
+    white: Complex[np.ndarray, "line column"], data: Data, heard: Complex[np.ndarray, "line part"]
+) -> float:
+    """The largest correlation with an input, earlier or later, in deviations of noise.
+
+    Noise of a blow's force is heard after it as the blow itself is, and there are few: by chance its sums are
+    larger than those of noise that goes on through the record.
+    """
     U = np.moveaxis(data.U, 1, 0)
     size = np.sqrt(noise_variance(U))
-    spread = np.sqrt(0.5 * np.sum(np.abs(white * U / size) ** 2, axis=(1, 2)))
-    step = data.lines
+    spread = 0.5 * np.sum(np.abs(white * U / size) ** 2, axis=(1, 2))
     best = 0.0
-    for u, deviation in zip(U / size, spread, strict=True):
-        cross = np.zeros(step[-1] + 1, dtype=complex)
-        cross[step] = np.sum(white * u.conj(), axis=1)
-        told = np.fft.irfft(cross, 2 * len(cross)) * len(cross)
-        best = max(best, float(np.abs(told).max() / max(deviation, np.finfo(float).tiny)))
+    for u, power in zip(U / size, spread, strict=True):
+        told = _correlated(np.sum(white * u.conj(), axis=1, keepdims=True), data)[0]
+        parts = [_correlated(heard * column[:, None].conj(), data) for column in u.T] if heard.size else []
+        of_force = sum((np.mean(part**2, axis=0) for part in parts), np.zeros(told.shape))
+        deviation = np.sqrt(np.maximum(power + of_force, np.finfo(float).tiny))
+        best = max(best, float(np.max(np.abs(told) / deviation)))
     return best
+
+
+def _correlated(products: Complex[np.ndarray, "line part"], data: Data) -> Float[np.ndarray, "part lag"]:
+    """Sums of products of spectra, at all lags."""
+    cross = np.zeros((products.shape[1], data.lines[-1] + 1), dtype=complex)
+    cross[:, data.lines] = products.T
+    return np.fft.irfft(cross, 2 * cross.shape[1], axis=1) * cross.shape[1]
 
 
 def _told_together(

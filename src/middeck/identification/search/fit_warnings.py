@@ -242,9 +242,10 @@ def _warnings_on_modes(
 
 
 def _beyond(measured: FrequencyResponse, model: MeasurementModel) -> list[int]:
-    """Pairs outside the band, in rising frequency."""
+    """Poles outside the band, in rising frequency; of a sampled model pairs only."""
     f, lines = natural_hz(model), measured.frequency_hz
-    beyond = [m for m in distinct_poles(model) if model.is_pair[m] and not lines[0] <= f[m] <= lines[-1]]
+    may = model.is_pair | (model.sample_hz is None)
+    beyond = [m for m in distinct_poles(model) if may[m] and not lines[0] <= f[m] <= lines[-1]]
     return sorted(beyond, key=lambda m: f[m])
 
 
@@ -270,13 +271,13 @@ def _has_pairs_for_terms(covariance: ModelCovariance) -> bool:
 
 
 def words_on_terms_beyond(measured: FrequencyResponse, covariance: ModelCovariance) -> str:
-    """Words for the reason of an order: pairs of a fit of rates that are terms for modes beyond the band."""
+    """Words for the reason of an order: poles of a fit of rates that are terms for modes beyond the band."""
     beyond = _beyond(measured, covariance.model) if _has_pairs_for_terms(covariance) else []
     if not beyond:
         return ""
     f, lines = natural_hz(covariance.model), measured.frequency_hz
     return (
-        f"; pairs outside the band {lines[0]:.4g}-{lines[-1]:.4g} Hz stand for all modes beyond it: "
+        f"; poles outside the band {lines[0]:.4g}-{lines[-1]:.4g} Hz stand for all modes beyond it: "
         f"{', '.join(f'{f[m]:.4g}' for m in beyond)} Hz"
     )
 
