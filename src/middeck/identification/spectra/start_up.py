@@ -234,7 +234,7 @@ def _motions(
     """
     theta, left, is_free = np.zeros(0), target, False
     while (more := _more(theta, left, target)) is not None:
-        is_free = is_free or more.is_free or _turns(more.steps[0].omega, left) < SLOW
+        is_free = is_free or len(more.steps) > 1 or _turns(more.steps[0].omega, left) < SLOW
         is_free = is_free or more.gain > BACK * _backwards(left)
         theta, left = more.theta, more.left
     return _poles(theta), left, is_free
@@ -255,7 +255,6 @@ class _More(NamedTuple):
     left: np.ndarray
     steps: list[_Motion]
     gain: float
-    is_free: bool = False
 
 
 def _more(theta: np.ndarray, left: np.ndarray, target: np.ndarray) -> _More | None:
@@ -264,15 +263,17 @@ def _more(theta: np.ndarray, left: np.ndarray, target: np.ndarray) -> _More | No
     Beside others that are still left, one alone does not stand out of the lines around it.
     """
     forth = _one_by_one(theta, left, target)
-    several = next(forth, None)
-    if several is None or several.gain > 0.0 or target.size > FEW:
-        return several if several is not None and several.gain > 0.0 else None
+    one = next(forth, None)
+    if one is not None and one.gain > 0.0:
+        return one
+    if one is None or target.size > FEW:
+        return None
     back = _one_by_one(np.zeros(0), left[::-1], left[::-1])
     reverse = next(back, None)
     for several in forth:
         reverse = next(back, reverse)
         if several.gain > 0.0 and several.gain > BACK * _likelihood(reverse):
-            return several._replace(is_free=True)
+            return several
     return None
 
 
