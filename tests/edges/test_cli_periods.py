@@ -80,7 +80,7 @@ def test_csv_and_npz_are_identified_alike(files: tuple[Path, Path], capfd: Captu
 
 
 def test_a_ramp_of_held_out_periods_is_not_scored(files: tuple[Path, Path], capfd: Capture) -> None:
-    """It is taken out of the fit's periods, and no model has it: the score was 50 % where the noise is 0.1 %."""
+    """The fit takes it out, and no model has it: the score was 50 % where the noise is 0.1 %."""
     whole = run(30.0)
     ramp = whole.y.std() * np.linspace(-1.0, 1.0, PERIODS * SAMPLES)[:, None]
     path = files[1].with_name("drifting.npz")
