@@ -19,14 +19,20 @@ pytestmark = pytest.mark.kernels
 HZ = 100.0
 
 
-def a_record(seed, *, periods, samples, noise, start, outputs=2, experiments=1):
-    """Modes z = exp(p) of 0.3 to 2 % driven by a multisine, from rest or long after; and the response."""
+def a_record(
+    seed, *, periods, samples, noise, start, outputs=2, experiments=1, modes=None, least=0.003, late=0
+):
+    """Modes z = exp(p) of 0.3 to 2 % driven by a multisine, from rest or long after; and the response.
+
+    The last output of a ``late`` one has a constant term.
+    """
     rng = np.random.default_rng(seed)
-    count = int(rng.integers(1, 4))
+    count = modes or int(rng.integers(1, 4))
     omega = 2.0 * np.pi * rng.uniform(0.03, 0.3, count)
-    zeta = np.exp(rng.uniform(np.log(0.003), np.log(0.02), count))
+    zeta = np.exp(rng.uniform(np.log(least), np.log(20.0 * least / 3.0), count))
     z = np.exp(omega * (1j * np.sqrt(1.0 - zeta**2) - zeta))
     c = rng.standard_normal((outputs, count)) + 1j * rng.standard_normal((outputs, count))
+    direct = np.eye(outputs)[:, -1:] * (30.0 if late else 0.0)
     lines = np.zeros(samples // 2 + 1, dtype=complex)
     before = 0 if start else int(np.ceil(20.0 / (zeta * omega).min() / samples))
     u, y = np.empty((2, experiments, periods, samples, outputs))
@@ -34,8 +40,9 @@ def a_record(seed, *, periods, samples, noise, start, outputs=2, experiments=1):
         lines[1 : samples * 2 // 5] = np.exp(2j * np.pi * rng.random(samples * 2 // 5 - 1))
         one = np.fft.irfft(lines, samples)
         run = np.tile(one / one.std(), before + periods)
-        motion = np.array([lfilter([0.0, 1.0], [1.0, -pole], run) for pole in z])
-        out = 2.0 * np.real(c @ motion)[:, before * samples :]
+        motion = np.array([lfilter([0.0] * (late + 1) + [1.0], [1.0, -pole], run) for pole in z])
+        out = 2.0 * np.real(c @ motion) + direct * lfilter([0.0] * late + [1.0], [1.0], run)
+        out = out[:, before * samples :]
         out += noise * out.std(axis=1, keepdims=True) * rng.standard_normal(out.shape)
         u[e] = np.tile(one / one.std(), (periods, 1))[:, :, None]
         y[e] = np.moveaxis(out.reshape(outputs, periods, samples), 0, 2)
@@ -43,7 +50,8 @@ def a_record(seed, *, periods, samples, noise, start, outputs=2, experiments=1):
 
     def response(f):
         q = np.exp(2j * np.pi * f / HZ)[:, None, None]
-        return np.sum(c / (q - z) + c.conj() / (q - z.conj()), axis=2)
+        modal = np.sum(c / (q - z) + c.conj() / (q - z.conj()), axis=2)
+        return (modal + direct.T) * q[:, 0] ** -late
 
     return Record(sample_hz=HZ, u=u[..., :1], y=y, inputs=ports[0], outputs=ports[1], periodic=True), response
 
@@ -65,6 +73,24 @@ def test_a_start_from_rest_is_reported_and_its_deviations_hold(periods, samples,
     # left in the average of periods passes hundreds, on most lines near its modes.
     assert np.mean(np.concatenate([x.ravel() for x in off]) > 4.0) < 1e-3
     assert np.mean(np.concatenate([x.ravel() for x in off]) ** 2) < 1.5
+
+
+@pytest.mark.parametrize(("modes", "noise", "late"), [(10, 1e-4, 0), (3, 1e-7, 3)])
+def test_motions_that_hide_each_other_and_a_late_response_are_taken_out(modes, noise, late, campaign):
+    """Modes of 0.03 to 0.2 %, of which none stands out alone; samples before the response are no motion.
+
+    One in ten of the first passed as steady, up to 25 deviations off; a third of the others were 6 to 10 off.
+    """
+    off = []
+    for seed in campaign(60):
+        record, response = a_record(
+            seed, periods=3, samples=512, noise=noise, start=True, modes=modes, least=3e-4, late=late
+        )
+        with pytest.warns(UserWarning, match="begin with a transient"):
+            found = estimate_response(record)
+        error = np.abs(found.H[:, :, 0] - response(found.frequency_hz))
+        off.append(np.max(error / np.sqrt(found.variance[:, :, 0])))
+    assert max(off) < 6.0
 
 
 @pytest.mark.parametrize(("periods", "samples"), CASES)
@@ -176,7 +202,7 @@ def test_motion_slower_than_the_record_is_taken_out_beside_a_ramp(motion, period
 def test_an_input_that_dies_out_is_no_drift(campaign):
     """A ramp taken out of all periods for a decay in the first was an error of tens of deviations."""
     off = []
-    for seed in campaign(12, 4):
+    for seed in campaign(12, 12):
         rng = np.random.default_rng(seed)
         lines = np.zeros(129, dtype=complex)
         lines[1:100] = np.exp(2j * np.pi * rng.random(99))
@@ -228,7 +254,7 @@ def shaken(seed, *, start):
 
 def test_steady_forces_that_shake_an_article_are_no_start(campaign):
     """Half of such records were said to begin with a transient; starts from rest among them still are."""
-    seeds = campaign(100, 12)
+    seeds = campaign(100, 25)
     said = [["transient" in steadied(shaken(s, start=start)).what for s in seeds] for start in (False, True)]
     assert np.mean(said[0]) <= 0.02
     assert np.mean(said[1]) > 0.9

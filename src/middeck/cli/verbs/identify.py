@@ -173,11 +173,13 @@ def _validate(
     """Error of the simulated outputs on held-out records; None without any.
 
     A periodic record is simulated in its steady state, another one from the initial state that its first
-    quarter determines. Offsets and ramps are removed as the fit removes them: no model has them.
+    quarter determines. Offsets and ramps, and the start of periods, are removed as the fit removes them: no
+    model has them.
     """
     from middeck.cli.work.fit_records import load_periods
     from middeck.identification.record_fit.record_spectra import as_fitted
     from middeck.identification.record_fit.simulate_record import record_nrmse
+    from middeck.identification.spectra.start_up import steadied
 
     if not files:
         return None
@@ -185,7 +187,7 @@ def _validate(
     model = found.fit.model
     with reading(*files):
         error = (
-            md.identification.nrmse(model, held_out)
+            md.identification.nrmse(model, steadied(held_out).record)
             if held_out.periodic
             else record_nrmse(model, as_fitted(held_out, model), state_share=0.25)
         )

@@ -66,10 +66,14 @@ def is_rarely_short(cell: str, others: Sequence[str]) -> bool:
 
     >>> is_rarely_short("0.1", ["0.125", "1.25"] * 100), is_rarely_short("12", ["125", "13"] * 100)
     (True, False)
+    >>> is_rarely_short("0.00", ["0.00125", "1.25"] * 100), is_rarely_short("0", ["0.00125", "1.25"] * 100)
+    (True, False)
     """
     mine, decimal = _significant(cell), np.mean(["." in text for text in others])
     share = np.mean(np.array([_significant(text) for text in others]) <= mine)
-    return bool(mine > 0 and len(others) >= FEWEST_ENDED - 1 and decimal > 1.0 - RARE and share < RARE)
+    # No printer of as many digits as a number needs writes a zero so; as 0 or 0.0 a signal may end.
+    can_end = mine == 0 and cell.strip("+-") in ("0", "0.0")
+    return bool(not can_end and len(others) >= FEWEST_ENDED - 1 and decimal > 1.0 - RARE and share < RARE)
 
 
 def _significant(text: str) -> int:

@@ -38,7 +38,7 @@ from middeck.identification.faults.offset_drift_and_transient import (
     held_at,
 )
 from middeck.identification.faults.random_drift import find_random_drift
-from middeck.identification.faults.spikes import find_spikes, is_impact, spike_runs
+from middeck.identification.faults.spikes import find_spikes, is_impact, moves_by_the_rest, spike_runs
 from middeck.identification.faults.stuck_and_gain_drift import find_gain_drift, find_stuck
 from middeck.identification.faults.unlike_experiments import find_unlike_experiments
 from middeck.signals.fault import RecordFault, Side
@@ -89,7 +89,7 @@ def detect_faults(record: Record, reference: FrequencyResponse | None = None) ->
     """
     _check_size(record)
     found: list[RecordFault] = []
-    struck = any(is_impact(_filled(x)) for x in _channels(record.u) if not is_dead(_filled(x)))
+    struck = _struck(record)
     driven = [] if struck else [_driven(u) for u in record.u]
     sides: tuple[tuple[Side, tuple[Port, ...], np.ndarray], ...] = (
         ("input", record.inputs, record.u), ("output", record.outputs, record.y)
@@ -179,9 +179,15 @@ def _driven(inputs: np.ndarray) -> Runs:
     return [run for x in moving for run in spike_runs(x, levels_of(x))]
 
 
-def _channels(samples: np.ndarray) -> list[Signal]:
-    """Each channel of each experiment, its periods in one run."""
-    return [x.ravel() for e in samples for x in np.moveaxis(e, -1, 0)]
+def _struck(record: Record) -> bool:
+    """Whether an input is the force of a hammer, whose blows are no faults."""
+    for u, y in zip(record.u, record.y, strict=True):
+        inputs, outputs = ([_filled(x.ravel()) for x in np.moveaxis(samples, -1, 0)] for samples in (u, y))
+        outputs = np.stack(outputs, axis=1)
+        moving = (x for x in inputs if not is_dead(x))
+        if any(is_impact(x) and not moves_by_the_rest(x, outputs) for x in moving):
+            return True
+    return False
 
 
 def _filled(x: Signal) -> Signal:

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import scipy.linalg
 import scipy.ndimage
-from jaxtyping import Bool
+from jaxtyping import Bool, Float
 
 from middeck.identification.faults.equal_runs import (
     ROUNDING,
@@ -39,6 +39,9 @@ ANSWERS = WIDE + 2
 LASTS = 0.8
 # Inputs with so much of their energy in spikes are impacts.
 IMPACTS = 0.1
+# Times by which an input beside its spikes improves a prediction where it is none of a hammer, and samples
+# that show it.
+BETTER, MOST_ROWS = 2.0, 20_000
 # Share of a sample at an edge that the next one inward has of it, from which on the two are one decay.
 DECAYS = 0.2
 # A decay that leaves its first sample outside of the rest falls to 0.58 or less from each to the next.
@@ -194,3 +197,50 @@ def is_impact(x: Signal) -> bool:
     swing = x - np.median(x)
     energy = sum(float(np.sum(swing[a:b] ** 2)) for a, b in _outside_runs(x, 0.0))
     return energy > IMPACTS * float(np.sum(swing**2))
+
+
+def moves_by_the_rest(x: Signal, outputs: Float[np.ndarray, "sample output"]) -> bool:
+    """Whether an input moves an output beside its spikes and not by them: they are no blows of a hammer.
+
+    Between blows an output moves freely, and samples before predict it as well without the input. Where the
+    input improves that prediction, it shows what the output would do at a spike that was a force.
+    """
+    before = min(PREDICTED_FROM, len(x) // 16)
+    rest = np.ones(len(x), dtype=bool)
+    for a, b in _outside_runs(x, 0.0):
+        rest[max(a - 2 * BESIDE, 0) : b + 2 * BESIDE] = False
+    rows = np.all(_past(rest, before), axis=1)
+    if before < 4 or np.sum(rows) < 4 * before:
+        return False
+    beside = np.interp(np.arange(len(x)), np.flatnonzero(rest), x[rest])
+    inputs = _past(x - x[rest].mean(), before), _past(beside - x[rest].mean(), before)
+    level = np.where(rest[:, None], outputs, 0.0).sum(axis=0) / np.sum(rest)
+    found = [_shares(_past(y, before), *inputs, rows) for y in (outputs - level).T]
+    gain, spiky, plain = np.array(found).T
+    return bool(gain.max() > BETTER and spiky.sum() > BETTER * plain.sum())
+
+
+def _past(x: np.ndarray, before: int) -> np.ndarray:
+    """Each sample with so many before it, the oldest first."""
+    return np.lib.stride_tricks.sliding_window_view(x, before + 1)
+
+
+def _shares(
+    y: np.ndarray, with_spikes: np.ndarray, without: np.ndarray, rows: np.ndarray
+) -> tuple[float, float, float]:
+    """What predictions of an output leave, over what the one from itself and the input leaves on ``rows``.
+
+    From itself alone on ``rows``; and on the others, the input with its spikes and without.
+    """
+    known, at = np.flatnonzero(rows)[:MOST_ROWS], ~rows
+    last, own, both = y[known, -1], y[known, :-1], np.hstack([y[known, :-1], without[known]])
+    alone, weights = (_weights(columns, last) for columns in (own, both))
+    left = float(np.mean((last - both @ weights) ** 2)) + np.finfo(float).tiny
+    on = (np.hstack([y[at, :-1], u[at]]) @ weights for u in (with_spikes, without))
+    spiky, plain = (float(np.sum((y[at, -1] - told) ** 2)) for told in on)
+    return float(np.mean((last - own @ alone) ** 2)) / left, spiky / left, plain / left
+
+
+def _weights(columns: np.ndarray, last: np.ndarray) -> np.ndarray:
+    size = np.sqrt(np.mean(columns**2, axis=0)) + np.finfo(float).tiny
+    return np.linalg.lstsq(columns / size, last)[0] / size

@@ -6,8 +6,9 @@ A repeated response is the same in every period. An output minus itself a period
 
 whatever the response is. Its poles are found one by one, at the frequency where most is left and the decay
 that explains most of it, and refined together (variable projection, Golub and Pereyra 1973), as long as the
-description length falls (Rissanen 1978). If the motion dies out early, the first periods are cut off;
-otherwise it is subtracted, and its uncertainty is added to the variance of the average.
+description length falls (Rissanen 1978); those that hide each other are looked for together. If the motion
+dies out early, the first periods are cut off; otherwise it is subtracted, and its uncertainty is added to the
+variance of the average. Samples before the response to the first input are no motion, and are left out.
 
 Steady forces that shake the article leave motion of its own, too, which is taken out alike: it is likelier as
 noise where it fades in reversed time as well, and is then no transient in words.
@@ -19,7 +20,8 @@ it is the same sawtooth, so that no scatter between periods shows what it adds t
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Complex, Float
@@ -39,6 +41,11 @@ DEAR = 6.0
 # Turns below which a motion is too slow for one of an article that forces shake; and how many
 # times what the best motion of the reversed record brings a motion must bring to be called a transient.
 SLOW, BACK = 2.0, 3.0
+# Motions that are tried together where each alone is not worth its unknowns, and numbers up to which they
+# are: twelve take seconds there, and lines of a longer record are closer than its modes.
+TOGETHER, FEW = 12, 60_000
+# Part of a period that a delay may take, and deviations of noise beyond which a sample is no motion.
+LATEST, OUTSIDE = 4, 6.0
 # Lines to either side of a motion's own that its noise is seen on.
 AROUND = 10
 # A period is steady where no line of the motion left in it has more than this share of the power of noise.
@@ -99,26 +106,34 @@ def _steadied(taken: Record) -> StartUp:
     z = _differences(taken.y)
     size = np.sqrt(np.mean(np.var(z, axis=1), axis=0))
     size = np.where(size > 0.0, size, 1.0)  # an output that repeats to the digit
-    poles, left, is_free = _motions(_columns((z - z.mean(axis=1, keepdims=True)) / size))
+    target = _columns((z - z.mean(axis=1, keepdims=True)) / size)
+    poles, left, is_free = _motions(target)
+    late = _late(left, samples) if len(poles) else 0
+    if late:
+        poles, left, is_free = _motions(target[late:])
     own = left.reshape(-1, outputs) * size
     y, drifts, unknown = _without_ramps(taken.y, taken.outputs, poles)
     taken = taken if y is taken.y else dataclasses.replace(taken, y=y)
     steady = StartUp(taken, _joined(told, drifts), unknown, own.T @ own / len(own))
     if not len(poles):
         return steady
-    found = _without_motion(steady, poles, size)
+    found = _without_motion(steady, poles, size, late)
     return found if is_free else dataclasses.replace(found, what=steady.what)
 
 
 def _without_motion(
-    steady: StartUp, poles: Complex[np.ndarray, " pole"], size: Float[np.ndarray, " output"]
+    steady: StartUp, poles: Complex[np.ndarray, " pole"], size: Float[np.ndarray, " output"], late: int
 ) -> StartUp:
-    """The first periods cut off if the free motion is soon over, else all less that motion."""
+    """The first periods cut off if the free motion is soon over, else all less that motion.
+
+    The first ``late`` samples, which have no such motion, are taken from the second period.
+    """
     taken = steady.record
     experiments, periods, samples, outputs = taken.y.shape
-    motion, unknown = _continued(poles, _columns(_differences(taken.y) / size), periods, samples)
+    target = _columns(_differences(taken.y) / size)[late:]
+    motion, unknown = _continued(poles, target, periods, samples)
     y = np.moveaxis(motion.reshape(periods, samples, experiments, outputs), 2, 0) * size
-    first = _steady_from(y, np.diag(steady.spread), samples)
+    first = max(_steady_from(y, np.diag(steady.spread), samples), int(late > 0))
     share = float(np.sqrt(np.max(np.sum(y[:, 0] ** 2, (0, 1)) / np.sum(taken.y[:, -1] ** 2, (0, 1)))))
     found = f"the periods begin with a transient, {share:.2g} of the output's rms in the first"
     if periods - first >= max(FEWEST, ENOUGH * periods):
@@ -127,9 +142,11 @@ def _without_motion(
         return dataclasses.replace(steady, record=cut, what=_joined(found, steady.what))
     found += f": {len(poles)} free motions are subtracted from all {periods}, and their uncertainty"
     found += " is added to the variance; record more periods, or wait before recording"
+    y = taken.y - y
+    y[:, 0, :late] = y[:, 1, :late]
     return dataclasses.replace(
         steady,
-        record=dataclasses.replace(taken, y=taken.y - y),
+        record=dataclasses.replace(taken, y=y),
         what=_joined(found, steady.what),
         unknown=steady.unknown + unknown,
     )
@@ -190,6 +207,14 @@ def _without_ramps(
     return x - ramp, _joined(*told), np.abs(sawtooth) ** 2 / known
 
 
+def _late(left: Float[np.ndarray, "sample column"], samples: int) -> int:
+    """First samples that are no free motion, by what the motions leave: a delay has let nothing through."""
+    count = max(samples // LATEST, 1)
+    noise = np.sqrt(np.mean(left[count:] ** 2, axis=0)) + np.finfo(float).tiny
+    outside = np.flatnonzero((np.abs(left[:count]) > OUTSIDE * noise).any(axis=1))
+    return int(outside[-1]) + 1 if len(outside) else 0
+
+
 def _steady_from(
     motion: Float[np.ndarray, "experiment period sample output"], variance: np.ndarray, samples: int
 ) -> int:
@@ -208,20 +233,67 @@ def _motions(
     What steady forces shake is as likely in reversed time; free motion grows in it.
     """
     theta, left, is_free = np.zeros(0), target, False
-    cost = (2.0 + 2.0 * target.shape[1]) * (0.5 * np.log(target.size) + DEAR)
-    while len(theta) < 2 * MOST_MOTIONS and 4 * len(theta) < len(target):
-        new = _strongest(left)
-        half = len(theta) // 2
-        more = _refined(np.concatenate([theta[:half], [new[0]], theta[half:], [new[1]]]), target)
-        if more is None:
-            break
-        rest = _rest(more, target)
-        gain = _gain(left, rest, np.exp(new[0]), new[1]) - cost
-        if not gain > 0.0:
-            break
-        is_free = is_free or _turns(new[1], left) < SLOW or gain > BACK * _backwards(left)
-        theta, left = more, rest
+    while (more := _more(theta, left, target)) is not None:
+        is_free = is_free or len(more.steps) > 1 or _turns(more.steps[0].omega, left) < SLOW
+        is_free = is_free or more.gain > BACK * _backwards(left)
+        theta, left = more.theta, more.left
     return _poles(theta), left, is_free
+
+
+class _Motion(NamedTuple):
+    """A motion as it was first seen, and the squares of each column without it, less those with it."""
+
+    sigma: float
+    omega: float
+    fall: Float[np.ndarray, " column"]
+
+
+class _More(NamedTuple):
+    """Poles with some motions more, what they leave, and the log likelihood beyond the cost of these."""
+
+    theta: np.ndarray
+    left: np.ndarray
+    steps: list[_Motion]
+    gain: float
+
+
+def _more(theta: np.ndarray, left: np.ndarray, target: np.ndarray) -> _More | None:
+    """The next motion that is worth its unknowns, or the next few that are together and not backwards.
+
+    Beside others that are still left, one alone does not stand out of the lines around it.
+    """
+    forth = _one_by_one(theta, left, target)
+    one = next(forth, None)
+    if one is not None and one.gain > 0.0:
+        return one
+    if one is None or target.size > FEW:
+        return None
+    back = _one_by_one(np.zeros(0), left[::-1], left[::-1])
+    reverse = next(back, None)
+    for several in forth:
+        reverse = next(back, reverse)
+        if several.gain > 0.0 and several.gain > BACK * _likelihood(reverse):
+            return several
+    return None
+
+
+def _one_by_one(theta: np.ndarray, left: np.ndarray, target: np.ndarray) -> Iterator[_More]:
+    """One motion more each time, as long as the last was worth its unknowns among white noise."""
+    cost = (2.0 + 2.0 * target.shape[1]) * (0.5 * np.log(target.size) + DEAR)
+    steps: list[_Motion] = []
+    while len(steps) < TOGETHER and len(theta) < 2 * MOST_MOTIONS and 4 * len(theta) < len(target):
+        log_sigma, omega = _strongest(left)
+        half = len(theta) // 2
+        more = _refined(np.concatenate([theta[:half], [log_sigma], theta[half:], [omega]]), target)
+        if more is None:
+            return
+        rest = _rest(more, target)
+        before, after = (np.sum(x**2, axis=0) + np.finfo(float).tiny for x in (left, rest))
+        steps.append(_Motion(float(np.exp(log_sigma)), omega, before - after))
+        theta, left = more, rest
+        yield _More(theta, left, steps, _gain(steps, left) - cost * len(steps))
+        if not 0.5 * len(target) * np.sum(np.log(before / after)) > cost:
+            return
 
 
 def _turns(omega: float, left: Float[np.ndarray, "sample column"]) -> float:
@@ -230,22 +302,25 @@ def _turns(omega: float, left: Float[np.ndarray, "sample column"]) -> float:
 
 def _backwards(left: Float[np.ndarray, "sample column"]) -> float:
     """Log likelihood that the best motion brings in reversed time."""
-    back = left[::-1]
-    new = _strongest(back)
-    more = _refined(np.array(new), back)
-    return 0.0 if more is None else _gain(back, _rest(more, back), np.exp(new[0]), new[1])
+    return _likelihood(next(_one_by_one(np.zeros(0), left[::-1], left[::-1]), None))
 
 
-def _gain(before: np.ndarray, after: np.ndarray, sigma: float, omega: float) -> float:
-    """Log likelihood that a motion brings, by the noise that is left on the lines around it.
+def _likelihood(more: _More | None) -> float:
+    return 0.0 if more is None else _gain(more.steps, more.left)
+
+
+def _gain(steps: Sequence[_Motion], after: np.ndarray) -> float:
+    """Log likelihood that motions bring, by the noise that is left on the lines around each.
 
     Forces that shake the article move it at its own frequencies too (`_motions`). The bias of a gyro walks:
     noise may grow towards rest as 1/f^2, and what is left on faster lines counts for so much more.
     """
-    count = len(after)
-    half = AROUND + int(2.0 * sigma * count / np.pi)
-    level = _level(after, round(_turns(omega, after)), half)
-    return float(np.sum((np.sum(before**2, axis=0) - np.sum(after**2, axis=0)) / (2.0 * level)))
+    gain = 0.0
+    for step in steps:
+        half = AROUND + int(2.0 * step.sigma * len(after) / np.pi)
+        level = _level(after, round(_turns(step.omega, after)), half)
+        gain += float(np.sum(step.fall / (2.0 * level)))
+    return gain
 
 
 def _level(left: Float[np.ndarray, "sample column"], k: int, half: int) -> Float[np.ndarray, " column"]:
@@ -354,8 +429,9 @@ def _continued(
     """
     count = periods * samples
     one, wide = _basis(poles, count), np.hstack([_basis(poles, count), _basis(poles, count, 1)])
-    amplitudes = np.linalg.lstsq(one[:-samples] - one[samples:], target, rcond=SAME)[0]
-    _, size, right = np.linalg.svd(wide[:-samples] - wide[samples:], full_matrices=False)
+    late = count - samples - len(target)
+    amplitudes = np.linalg.lstsq((one[:-samples] - one[samples:])[late:], target, rcond=SAME)[0]
+    _, size, right = np.linalg.svd((wide[:-samples] - wide[samples:])[late:], full_matrices=False)
     known = size > SAME * size[0]
     lines = np.fft.rfft(wide.reshape(periods, samples, -1).mean(axis=0), axis=0)
     unknown = np.sum(np.abs(lines @ (right[known] / size[known, None]).T) ** 2, axis=1)

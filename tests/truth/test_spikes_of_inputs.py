@@ -1,0 +1,70 @@
+"""A wild sample of an input that drives an article is a spike; the blow of a hammer is none."""
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from middeck.identification.faults.detect import detect_faults
+from middeck.signals.ports import Port
+from middeck.signals.record import Record
+
+
+def a_record(u, seed, *, read=None):
+    """Two outputs of two modes, noise of 1 %; the force as it is, or as it was ``read``."""
+    rng = np.random.default_rng([71, seed])
+    omega, zeta = 2.0 * np.pi * rng.uniform(0.02, 0.2, 2), rng.uniform(0.003, 0.03, 2)
+    z = np.exp(omega * (1j * np.sqrt(1.0 - zeta**2) - zeta))
+    c = rng.standard_normal((2, 2)) + 1j * rng.standard_normal((2, 2))
+    y = 2.0 * np.real(c @ np.array([lfilter([0.0, 1.0], [1.0, -pole], u) for pole in z]))
+    y += 1e-2 * y.std(axis=1, keepdims=True) * rng.standard_normal(y.shape)
+    u = u if read is None else read
+    ports = (Port("force", "N"),), (Port("a", "m"), Port("b", "m"))
+    return Record(
+        sample_hz=100.0,
+        u=u[None, None, :, None],
+        y=y.T[None, None],
+        inputs=ports[0],
+        outputs=ports[1],
+        periodic=False,
+    )
+
+
+def a_drive(kind, rng, count):
+    if kind == "noise":
+        return rng.standard_normal(count)
+    if kind == "sweep":
+        return np.sin(2.0 * np.pi * np.cumsum(np.geomspace(0.01, 0.3, count)))
+    lines = np.zeros(count // 2 + 1, dtype=complex)
+    lines[2 : count // 4] = np.exp(2j * np.pi * rng.random(count // 4 - 2))
+    u = np.fft.irfft(lines, count)
+    return u / u.std()
+
+
+@pytest.mark.parametrize("kind", ["noise", "sweep", "multisine"])
+def test_a_wild_sample_of_an_input_is_a_spike_at_the_ends_too(kind, campaign):
+    """It was taken for a hammer's blow, so that no channel of the record was searched."""
+    seeds, named = campaign(60, 6), 0
+    for seed in seeds:
+        rng = np.random.default_rng(seed)
+        u = a_drive(kind, rng, 1000)
+        at = int(rng.choice([*range(13), 500, *range(986, 1000)]))
+        read = u.copy()
+        read[at] += rng.choice([-1.0, 1.0]) * 10.0 ** rng.uniform(1.9, 3.0) * u.std()
+        assert not [f for f in detect_faults(a_record(u, seed)) if f.kind == "spike"]
+        found = detect_faults(a_record(u, seed, read=read))
+        named += any(
+            f.kind == "spike" and f.channel == "force" and f.samples == ((at, at + 1),) for f in found
+        )
+    assert named >= 0.8 * len(seeds)
+
+
+@pytest.mark.parametrize("width", [1, 4])
+def test_blows_of_a_hammer_are_none(width, campaign):
+    """Noise of the force between them moves nothing, and the outputs follow the blows."""
+    for seed in campaign(100):
+        rng = np.random.default_rng(seed)
+        u = np.zeros(2000)
+        for start in rng.integers(0, 1990, int(rng.choice([1, 2, 10]))):
+            u[start : start + width] += rng.uniform(0.5, 1.5)
+        read = u + 10.0 ** rng.uniform(-5.0, -2.0) * rng.standard_normal(2000)
+        assert not [f for f in detect_faults(a_record(u, seed, read=read)) if f.kind == "spike"]
