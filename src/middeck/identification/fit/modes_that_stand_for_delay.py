@@ -8,6 +8,8 @@ the other poles, with a delay and a constant term, fit all paths as well within 
 from __future__ import annotations
 
 import dataclasses
+import itertools
+from collections.abc import Iterator
 
 import numpy as np
 from jaxtyping import Complex, Float, Int
@@ -52,9 +54,11 @@ def stands_for_delay(
         out = damped[zeta[damped] >= least]
         allowed = left + TOLD**2 * 2.0 * len(out) * U.shape[1]
         kept = np.setdiff1d(np.flatnonzero(modes), out)
-        delay_s, with_them = delays_with(model, s, U, residual, weight, kept)
-        if np.all(with_them <= allowed) and delay_s.max() > 0.0:
-            return out[natural_hz(model)[out] <= last_hz], float(delay_s.max())
+        found = _each_delay(model, s, U, residual, weight, kept)
+        served = itertools.takewhile(lambda of: of[0][1] <= of[1], zip(found, allowed, strict=True))
+        delay_s = [tau for (tau, _), _ in served]  # most often none replaces them at the first output
+        if len(delay_s) == len(allowed) and max(delay_s) > 0.0:
+            return out[natural_hz(model)[out] <= last_hz], max(delay_s)
     return damped[:0], 0.0
 
 
@@ -73,11 +77,22 @@ def delays_with(
     kept: Int[np.ndarray, " mode"],
 ) -> tuple[Float[np.ndarray, " output"], Float[np.ndarray, " output"]]:
     """The best delay [s] of each output behind the poles ``kept`` alone, and the squares that it leaves."""
+    delay_s, left = np.array(list(_each_delay(model, s, U, residual, weight, kept))).T
+    return delay_s, left
+
+
+def _each_delay(
+    model: MeasurementModel,
+    s: Complex[np.ndarray, " line"],
+    U: Complex[np.ndarray, "line input column"],
+    residual: Complex[np.ndarray, "output line column"],
+    weight: Float[np.ndarray, "output line column"],
+    kept: Int[np.ndarray, " mode"],
+) -> Iterator[tuple[float, float]]:
     response = model_response(model, np.imag(s) / (2.0 * np.pi))
     data, basis = np.einsum("koi,kic->okc", response, U) + residual, _basis(model, s, kept)
-    found = [_delay_of_output(s, basis, U, *own) for own in zip(data, weight, strict=True)]
-    delay_s, left = np.array(found).T
-    return delay_s, left
+    for own in zip(data, weight, strict=True):
+        yield _delay_of_output(s, basis, U, *own)
 
 
 def _delay_of_output(
@@ -86,15 +101,19 @@ def _delay_of_output(
     """The delay with which an output is followed best, and the squares that are left."""
     columns = np.einsum("kb,kic,kc->kcbi", basis, U, weight).reshape(data.size, -1)
     q, seen = np.linalg.qr(stack_parts(columns))[0], data * weight
+    both = (q[: data.size] - 1j * q[data.size :]).reshape(*data.shape, -1)
+    by_line = np.einsum("kcb,kc->bk", both, seen)
 
-    def left(tau: float) -> float:
-        y = stack_parts((seen * np.exp(s * tau)[:, None]).reshape(-1, 1))[:, 0]
-        return float(np.sum((y - q @ (q.T @ y)) ** 2))
+    def best_of(tau: np.ndarray) -> float:
+        """The delay with which most is followed."""
+        followed = np.real(by_line @ np.exp(s[:, None] * tau))
+        return float(tau[np.argmax(np.sum(followed**2, axis=0))])
 
     step = 2.0 * np.pi / float(np.imag(s[-1])) / IN_PERIOD
-    near = min((step * k for k in range(PERIODS * IN_PERIOD + 1)), key=left)
-    best = min(np.maximum(near + step * np.linspace(-1.0, 1.0, 2 * IN_PERIOD + 1), 0.0), key=left)
-    return float(best), left(float(best))
+    near = best_of(step * np.arange(PERIODS * IN_PERIOD + 1))
+    best = best_of(np.maximum(near + step * np.linspace(-1.0, 1.0, 2 * IN_PERIOD + 1), 0.0))
+    y = stack_parts((seen * np.exp(s * best)[:, None]).reshape(-1, 1))[:, 0]
+    return best, float(np.sum((y - q @ (q.T @ y)) ** 2))
 
 
 def _basis(model: MeasurementModel, s: np.ndarray, kept: np.ndarray) -> Complex[np.ndarray, "line column"]:
