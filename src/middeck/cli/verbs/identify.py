@@ -173,8 +173,8 @@ def _validate(
     """Error of the simulated outputs on held-out records; None without any.
 
     A periodic record is simulated in its steady state, another one from the initial state that its first
-    quarter determines. Offsets and ramps, and the start of periods, are removed as the fit removes them: no
-    model has them.
+    quarter determines. Offsets and ramps, and a start of periods that is told, are removed as the fit removes
+    them: no model has them. What may be noise is scored.
     """
     from middeck.cli.work.fit_records import load_periods
     from middeck.identification.record_fit.record_spectra import as_fitted
@@ -186,11 +186,11 @@ def _validate(
     held_out, _ = load_periods(files, periods, named)
     model = found.fit.model
     with reading(*files):
-        error = (
-            md.identification.nrmse(model, steadied(held_out).record)
-            if held_out.periodic
-            else record_nrmse(model, as_fitted(held_out, model), state_share=0.25)
-        )
+        if held_out.periodic:
+            steady = steadied(held_out)
+            error = md.identification.nrmse(model, steady.record if steady.what else held_out)
+        else:
+            error = record_nrmse(model, as_fitted(held_out, model), state_share=0.25)
     return {p.name: float(e) for p, e in zip(model.outputs, error, strict=True)}
 
 

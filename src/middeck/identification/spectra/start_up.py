@@ -44,6 +44,9 @@ SLOW, BACK = 2.0, 3.0
 # Motions that are tried together where each alone is not worth its unknowns, and numbers up to which they
 # are: twelve take seconds there, and lines of a longer record are closer than its modes.
 TOGETHER, FEW = 12, 60_000
+# What free motions may be at most in the first period, over the outputs: a few that nearly repeat with the
+# period cancel each other in the differences of periods, and may be any size.
+LARGEST = 1.0
 # Part of a period that a delay may take, and deviations of noise beyond which a sample is no motion.
 LATEST, OUTSIDE = 4, 6.0
 # Lines to either side of a motion's own that its noise is seen on.
@@ -107,10 +110,9 @@ def _steadied(taken: Record) -> StartUp:
     size = np.sqrt(np.mean(np.var(z, axis=1), axis=0))
     size = np.where(size > 0.0, size, 1.0)  # an output that repeats to the digit
     target = _columns((z - z.mean(axis=1, keepdims=True)) / size)
-    poles, left, is_free = _motions(target)
-    late = _late(left, samples) if len(poles) else 0
-    if late:
-        poles, left, is_free = _motions(target[late:])
+    poles, left, is_free, late = _free_motions(target, samples, TOGETHER)
+    if len(poles) and _share(_motion(taken, poles, size, late)[0], taken) > LARGEST:
+        poles, left, is_free, late = _free_motions(target, samples, 1)
     own = left.reshape(-1, outputs) * size
     y, drifts, unknown = _without_ramps(taken.y, taken.outputs, poles)
     taken = taken if y is taken.y else dataclasses.replace(taken, y=y)
@@ -129,12 +131,10 @@ def _without_motion(
     The first ``late`` samples, which have no such motion, are taken from the second period.
     """
     taken = steady.record
-    experiments, periods, samples, outputs = taken.y.shape
-    target = _columns(_differences(taken.y) / size)[late:]
-    motion, unknown = _continued(poles, target, periods, samples)
-    y = np.moveaxis(motion.reshape(periods, samples, experiments, outputs), 2, 0) * size
+    periods, samples = taken.y.shape[1:3]
+    y, unknown = _motion(taken, poles, size, late)
     first = max(_steady_from(y, np.diag(steady.spread), samples), int(late > 0))
-    share = float(np.sqrt(np.max(np.sum(y[:, 0] ** 2, (0, 1)) / np.sum(taken.y[:, -1] ** 2, (0, 1)))))
+    share = _share(y, taken)
     found = f"the periods begin with a transient, {share:.2g} of the output's rms in the first"
     if periods - first >= max(FEWEST, ENOUGH * periods):
         cut = dataclasses.replace(taken, u=taken.u[:, first:], y=taken.y[:, first:])
@@ -163,6 +163,22 @@ def _differences(x: Float[np.ndarray, "experiment period sample channel"]) -> np
 
 def _columns(z: Float[np.ndarray, "experiment sample channel"]) -> Float[np.ndarray, "sample column"]:
     return np.moveaxis(z, 1, 0).reshape(z.shape[1], -1)
+
+
+def _motion(
+    taken: Record, poles: Complex[np.ndarray, " pole"], size: Float[np.ndarray, " output"], late: int
+) -> tuple[Float[np.ndarray, "experiment period sample output"], Float[np.ndarray, " line"]]:
+    """The free motion of all periods, and the variance of its mean for noise of one (`_continued`)."""
+    experiments, periods, samples, outputs = taken.y.shape
+    target = _columns(_differences(taken.y) / size)[late:]
+    motion, unknown = _continued(poles, target, periods, samples)
+    return np.moveaxis(motion.reshape(periods, samples, experiments, outputs), 2, 0) * size, unknown
+
+
+def _share(motion: Float[np.ndarray, "experiment period sample output"], taken: Record) -> float:
+    """Size of the motion in the first period over that of the outputs in the last."""
+    first, last = np.sum(motion[:, 0] ** 2, (0, 1)), np.sum(taken.y[:, -1] ** 2, (0, 1))
+    return float(np.sqrt(np.max(first / last)))
 
 
 def _without_ramps(
@@ -225,15 +241,24 @@ def _steady_from(
     return int(counts[-1]) + 1 if len(counts) else 0
 
 
+def _free_motions(
+    target: Float[np.ndarray, "sample column"], samples: int, together: int
+) -> tuple[Complex[np.ndarray, " pole"], np.ndarray, bool, int]:
+    """Poles, residual and kind of `_motions`, and the samples before them, which are left out."""
+    poles, left, is_free = _motions(target, together)
+    late = _late(left, samples) if len(poles) else 0
+    return (*(_motions(target[late:], together) if late else (poles, left, is_free)), late)
+
+
 def _motions(
-    target: Float[np.ndarray, "sample column"],
+    target: Float[np.ndarray, "sample column"], together: int
 ) -> tuple[Complex[np.ndarray, " pole"], np.ndarray, bool]:
     """Poles [1/sample] of the free motion in ``target``, the residual, and whether forces are no cause.
 
     What steady forces shake is as likely in reversed time; free motion grows in it.
     """
     theta, left, is_free = np.zeros(0), target, False
-    while (more := _more(theta, left, target)) is not None:
+    while (more := _more(theta, left, target, together)) is not None:
         is_free = is_free or len(more.steps) > 1 or _turns(more.steps[0].omega, left) < SLOW
         is_free = is_free or more.gain > BACK * _backwards(left)
         theta, left = more.theta, more.left
@@ -257,7 +282,7 @@ class _More(NamedTuple):
     gain: float
 
 
-def _more(theta: np.ndarray, left: np.ndarray, target: np.ndarray) -> _More | None:
+def _more(theta: np.ndarray, left: np.ndarray, target: np.ndarray, together: int) -> _More | None:
     """The next motion that is worth its unknowns, or the next few that are together and not backwards.
 
     Beside others that are still left, one alone does not stand out of the lines around it.
@@ -266,7 +291,7 @@ def _more(theta: np.ndarray, left: np.ndarray, target: np.ndarray) -> _More | No
     one = next(forth, None)
     if one is not None and one.gain > 0.0:
         return one
-    if one is None or target.size > FEW:
+    if one is None or together == 1 or target.size > FEW:
         return None
     back = _one_by_one(np.zeros(0), left[::-1], left[::-1])
     reverse = next(back, None)
