@@ -78,7 +78,8 @@ def design_multimodel(
             as last states, beside those of ``form``; they go with no stations and no fixed filters.
         start: A compensator to begin with, e.g. of a lower authority: strictly proper, of ``form`` without
             its filters, integrals last; found if not given.
-        tolerance: The descent ends when ten steps gain less than this fraction of the cost.
+        tolerance: The descent ends when as many steps as the compensator has free entries gain less than this
+            fraction of the cost.
 
     Raises `NotStabilisableError` naming the modes of a plant that nothing can hold; `NumericalError` where no
     compensator of that form was found that stabilises all models; how far it came is in its data;

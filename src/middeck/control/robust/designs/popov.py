@@ -26,7 +26,7 @@ from middeck.control.robust.problem.several_plants import (
     true_costs,
 )
 from middeck.control.robust.search.law_scaling import even_scale, parameter_scale
-from middeck.control.robust.search.quasi_newton import descend
+from middeck.control.robust.search.quasi_newton import PATIENCE, descend
 from middeck.control.robust.search.smooth_maximum import gradient_row
 from middeck.control.robust.search.stabilising_continuation import RESTARTS, approach, carry_on
 from middeck.errors import NumericalError
@@ -197,7 +197,7 @@ def _improve(
         )
 
     begun = np.concatenate([np.zeros(2 * modes), pack(law, free) / scale])
-    descent = descend(objective, begun, tolerance=tolerance)
+    descent = descend(objective, begun, tolerance=tolerance, patience=max(PATIENCE, len(begun)))
     leg = Attempt(size=1.0, cost=descent.value)
     law, multipliers = at(descent.x)
     return _Place(

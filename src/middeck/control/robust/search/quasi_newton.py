@@ -17,7 +17,7 @@ Objective = Callable[[np.ndarray], tuple[float, np.ndarray]]
 DECREASE, CURVATURE = 1e-4, 0.9
 TRIALS = 50
 PATIENCE = 10
-"""Steps over which the decrease is watched."""
+"""Steps over which the decrease is watched, where a rough end will do."""
 
 
 @record(kw_only=True)
@@ -36,12 +36,19 @@ class Descent:
 
 
 def descend(
-    objective: Objective, x: Float[np.ndarray, " parameter"], *, tolerance: float, steps: int = 2000
+    objective: Objective,
+    x: Float[np.ndarray, " parameter"],
+    *,
+    tolerance: float,
+    steps: int = 2000,
+    patience: int = PATIENCE,
 ) -> Descent:
-    """Descend until ten steps gain less than ``tolerance`` of the value, or the line search finds nothing
-    lower.
+    """Descend until ``patience`` steps gain less than ``tolerance`` of the value, or the line search finds
+    nothing lower.
 
-    ``x`` must lie in the domain; an infinite value there is returned unchanged.
+    BFGS knows the curvature of n parameters after n steps: near a saddle ten of them may gain next to nothing,
+    and last digits decide which ten. ``x`` must lie in the domain; an infinite value there is returned
+    unchanged.
     """
     value, gradient = objective(x)
     values = [value]
@@ -55,7 +62,7 @@ def descend(
         x, value, gradient = found
         inverse = _updated(inverse, step, change)
         values.append(value)
-        if len(values) > PATIENCE and values[-1 - PATIENCE] - value < tolerance * abs(value):
+        if len(values) > patience and values[-1 - patience] - value < tolerance * abs(value):
             break
     relative = float(np.linalg.norm(gradient) / abs(value)) if np.isfinite(value) and value else np.inf
     return Descent(x=x, value=value, gradient=relative, values=tuple(values))

@@ -11,7 +11,7 @@ from middeck.control.h2.closed_cost import Law, LawCost, evaluate_cost
 from middeck.control.h2.generalized_plant import GeneralizedPlant
 from middeck.control.h2.law_form import Free, arrange, pack, scale_states, unpack
 from middeck.control.robust.search.law_scaling import even_scale, parameter_scale
-from middeck.control.robust.search.quasi_newton import Descent, descend
+from middeck.control.robust.search.quasi_newton import PATIENCE, Descent, descend
 
 Stations = list[tuple[list[int], list[int], int]]
 
@@ -49,8 +49,12 @@ def improve(
     power: float,
     tolerance: float,
     steps: int = 2000,
+    to_the_end: bool = False,
 ) -> tuple[Law, Descent] | None:
-    """Descend from ``law`` in scaled coordinates; None where it does not stabilise all models."""
+    """Descend from ``law`` in scaled coordinates; None where it does not stabilise all models.
+
+    It ends when ten steps gain less than ``tolerance`` of the cost, ``to_the_end`` as many as free entries.
+    """
     integrals = len(models[0].integrals)
     arranged, free = arrange(law, stations, integrals)
     start = evaluate_models(models, arranged)
@@ -63,7 +67,9 @@ def improve(
     def objective(x: np.ndarray) -> tuple[float, np.ndarray]:
         return _blended(models, unpack(x * scale, even, free), free, power, scale)
 
-    descent = descend(objective, pack(even, free) / scale, tolerance=tolerance, steps=steps)
+    x = pack(even, free) / scale
+    patience = max(PATIENCE, len(x)) if to_the_end else PATIENCE
+    descent = descend(objective, x, tolerance=tolerance, steps=steps, patience=patience)
     return unpack(descent.x * scale, even, free), descent
 
 

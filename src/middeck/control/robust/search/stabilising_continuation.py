@@ -68,7 +68,7 @@ def carry_on(problem: Problem, arrival: Arrival, power: float, tolerance: float)
     models = models_of(problem, 1.0, 1.0)
     for _ in range(RESTARTS):
         before = arrival
-        arrival = _step(models, stations, arrival, power, tolerance, 1.0)
+        arrival = _step(models, stations, arrival, power, tolerance, 1.0, to_the_end=True)
         if (
             before.history
             and before.history[-1].cost - arrival.history[-1].cost < 1e-6 * arrival.history[-1].cost
@@ -200,9 +200,12 @@ def _step(
     power: float,
     tolerance: float,
     size: float,
+    to_the_end: bool = False,
 ) -> Arrival:
     steps = STEPS_ON_THE_WAY if tolerance >= LOOSE else 2000
-    found = improve(arrival.law, models, stations, power=power, tolerance=tolerance, steps=steps)
+    found = improve(
+        arrival.law, models, stations, power=power, tolerance=tolerance, steps=steps, to_the_end=to_the_end
+    )
     if found is None:
         raise NumericalError(
             "the compensator no longer stabilises a model: it is at the edge of stability",
