@@ -20,6 +20,7 @@ it is the same sawtooth, so that no scatter between periods shows what it adds t
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
@@ -41,9 +42,12 @@ DEAR = 6.0
 # Turns below which a motion is too slow for one of an article that forces shake; and how many
 # times what the best motion of the reversed record brings a motion must bring to be called a transient.
 SLOW, BACK = 2.0, 3.0
+# Radians by which the slowest motion turns or fades over the differences: below, it is a ramp or a parabola, whose
+# size, beside a ramp, nothing determines.
+SLOWEST = 1.0
 # Motions that are tried together where each alone is not worth its unknowns, and numbers up to which they
 # are: twelve take seconds there, and lines of a longer record are closer than its modes.
-TOGETHER, FEW = 12, 60_000
+TOGETHER, FEW = 12, 20_000
 # What free motions may be at most in the first period, over the outputs: a few that nearly repeat with the
 # period cancel each other in the differences of periods, and may be any size.
 LARGEST = 1.0
@@ -51,6 +55,8 @@ LARGEST = 1.0
 LATEST, OUTSIDE = 4, 6.0
 # Lines to either side of a motion's own that its noise is seen on.
 AROUND = 10
+# Lines beyond the fastest of several on which noise is seen, and three times as many for how it falls.
+BEYOND = 50
 # A period is steady where no line of the motion left in it has more than this share of the power of noise.
 LEFT = 0.1
 # Share of the periods, and how many, that must remain for the others to be cut off.
@@ -293,12 +299,14 @@ def _more(theta: np.ndarray, left: np.ndarray, target: np.ndarray, together: int
         return one
     if one is None or together == 1 or target.size > FEW:
         return None
-    back = _one_by_one(np.zeros(0), left[::-1], left[::-1])
-    reverse = next(back, None)
+    back, reverse, due = _one_by_one(np.zeros(0), left[::-1], left[::-1]), None, 1
     for several in forth:
-        reverse = next(back, reverse)
-        if several.gain > 0.0 and several.gain > BACK * _likelihood(reverse):
-            return several
+        due += 1
+        if several.gain > 0.0:
+            for reverse in itertools.islice(back, due):  # to as many motions, or as many as are worth it
+                due = 0
+            if several.gain > BACK * _likelihood(reverse):
+                return several
     return None
 
 
@@ -338,14 +346,37 @@ def _gain(steps: Sequence[_Motion], after: np.ndarray) -> float:
     """Log likelihood that motions bring, by the noise that is left on the lines around each.
 
     Forces that shake the article move it at its own frequencies too (`_motions`). The bias of a gyro walks:
-    noise may grow towards rest as 1/f^2, and what is left on faster lines counts for so much more.
+    noise may grow towards rest as 1/f^2, and what is left on faster lines counts for so much more. Several
+    motions leave none of a walk on the lines between them: it is continued from beyond the fastest.
     """
-    gain = 0.0
-    for step in steps:
+    gain, turns = 0.0, [_turns(step.omega, after) for step in steps]
+    beyond = _beyond(after, max(turns)) if len(steps) > 1 else None
+    for step, k in zip(steps, turns, strict=True):
         half = AROUND + int(2.0 * step.sigma * len(after) / np.pi)
-        level = _level(after, round(_turns(step.omega, after)), half)
+        level = _level(after, round(k), half)
+        if beyond is not None:
+            power, line, slope = beyond
+            level = np.maximum(level, power * (line / max(k, 1.0)) ** slope)
         gain += float(np.sum(step.fall / (2.0 * level)))
     return gain
+
+
+def _beyond(
+    left: Float[np.ndarray, "sample column"], k: float
+) -> tuple[Float[np.ndarray, " column"], float, Float[np.ndarray, " column"]] | None:
+    """Variance of noise beyond line k, its line, and the power (0 to 2) of 1/f with which it falls there.
+
+    None where the lines end too soon.
+    """
+    edges = np.ceil(k) + AROUND + np.array([0, BEYOND, 4 * BEYOND])
+    if edges[-1] > len(left) // 2:
+        return None
+    first, middle, last = edges.astype(int)
+    power = np.abs(np.fft.rfft(left, axis=0)) ** 2 / len(left) + np.finfo(float).tiny
+    near, far = power[first:middle].mean(axis=0), power[middle:last].mean(axis=0)
+    # Noise that falls as 1/f^2 has its mean over lines a to b at the geometric mean of both.
+    lines = np.sqrt(first * middle), np.sqrt(middle * last)
+    return near, float(lines[0]), np.clip(np.log(near / far) / np.log(lines[1] / lines[0]), 0.0, 2.0)
 
 
 def _level(left: Float[np.ndarray, "sample column"], k: int, half: int) -> Float[np.ndarray, " column"]:
@@ -418,7 +449,7 @@ def _rest(theta: np.ndarray, target: np.ndarray) -> np.ndarray:
 def _step(theta: np.ndarray, target: np.ndarray, below: float) -> Step | None:
     """Half the squared residual, if ``below``, and its slopes by decays and frequencies (Kaufman 1975)."""
     poles, half = _poles(theta), len(theta) // 2
-    if np.real(poles).min() < -np.pi:
+    if np.real(poles).min() < -np.pi or np.abs(poles).min() * len(target) < SLOWEST:
         return None
     n = np.arange(len(target))[:, None]
     motion = np.exp(poles * n)
