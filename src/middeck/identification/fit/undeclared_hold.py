@@ -12,9 +12,10 @@ CHANCE = 6.0
 MOVED = 4.0
 AS_HELD = "held inputs, which the record does not say, are the shorter description"
 TO_THE_END = "inputs are taken as held, as they drive all frequencies up to half the rate"
+BY_HALF = "inputs are taken as held, as residues of rates are turned by half a sample period"
 MAYBE_HELD = (
-    f"{AS_HELD}, with doubts of its own: if they were held, half a sample period is in the delay; say in the "
-    "record whether they were"
+    f"{AS_HELD}, with doubts of its own: if they were held, half a sample period is in the delay, or in "
+    "phases of residues, direct terms and zeros; say in the record whether they were"
 )
 STEPS_AS_NOT_HELD = (
     "inputs are given in steps, but a model behind their hold is the longer description: if they were held, "
@@ -27,10 +28,14 @@ LIKELIER = (
     "too small at high frequencies; say in the record whether they were"
 )
 
+TURNED = (
+    "residues of rates are turned by half a sample period, {ms:.3g} ms, as a hold of inputs turns them, but "
+    "a model behind a hold is a longer description, or fails: if they were held, phases of residues, direct "
+    "terms, zeros and delays are wrong by it; say in the record whether they were"
+)
 EITHER = (
-    "inputs that drive all frequencies up to half the rate are taken as held, but held and band-limited ones "
-    "describe the record alike: if they were band-limited, {ms:.3g} ms, half a sample period, lack in the "
-    "delay; say in the record whether they were held"
+    "{why}, but held and band-limited ones describe the record alike: if they were band-limited, "
+    "{ms:.3g} ms, half a sample period, lack in the delay; say in the record whether they were held"
 )
 ALIKE = (
     "held and band-limited commands describe the response alike: if they were held, {ms:.3g} ms, half a "
@@ -43,11 +48,12 @@ def taken_as_held(
 ) -> FitResult:
     """The ``held`` fit, the ``shorter`` one, if it has no warnings; else the other one with its warnings.
 
-    Of inputs that are commands (``why``) it need not be shorter, and its warnings may be those of the other
-    one.
+    Of inputs that are or seem to be commands (``why``) it need not be shorter, and its warnings may be those
+    of the other one.
     """
     if not held.warnings or (why and len(held.warnings) <= len(released.warnings)):
-        either = (EITHER.format(ms=500.0 / sample_hz),) if why == TO_THE_END and shorter < CHANCE else ()
+        alike = why in {TO_THE_END, BY_HALF} and shorter < CHANCE
+        either = (EITHER.format(why=why, ms=500.0 / sample_hz),) if alike else ()
         reason = f"{held.order_reason}; {why or AS_HELD}"
         return dataclasses.replace(held, order_reason=reason, warnings=(*held.warnings, *either))
     return _doubted(released, MAYBE_HELD)
@@ -63,6 +69,11 @@ def perhaps_held(released: FitResult, shorter: float, sample_hz: float) -> FitRe
 def steps_as_not_held(released: FitResult, sample_hz: float) -> FitResult:
     """The fit of inputs in steps that were taken as not held: no band-limited signal stands still."""
     return _doubted(released, STEPS_AS_NOT_HELD.format(ms=500.0 / sample_hz))
+
+
+def turned_as_if_held(released: FitResult, sample_hz: float) -> FitResult:
+    """The fit of inputs that were taken as not held, though residues are turned as by a hold."""
+    return _doubted(released, TURNED.format(ms=500.0 / sample_hz))
 
 
 def _doubted(released: FitResult, warning: str) -> FitResult:

@@ -28,7 +28,13 @@ from middeck.identification.fit.mode_trust import (
     warnings_on_standing,
 )
 from middeck.identification.fit.poles_beyond_the_band import UNDECIDED
-from middeck.identification.fit.undeclared_hold import perhaps_held, steps_as_not_held, taken_as_held
+from middeck.identification.fit.undeclared_hold import (
+    BY_HALF,
+    perhaps_held,
+    steps_as_not_held,
+    taken_as_held,
+    turned_as_if_held,
+)
 from middeck.identification.fit.unneeded_modes import DOUBTFUL, mode_significance
 from middeck.identification.model.fit_options import (
     OF_PATHS,
@@ -67,6 +73,7 @@ from middeck.identification.record_fit.undeclared_hold import (
     NYQUIST,
     TRIED,
     given_as_commands,
+    turned_by_half,
     without_hold,
 )
 from middeck.identification.record_fit.unlike_blows import score_of_unlike_blows, warnings_on_unlike
@@ -146,7 +153,8 @@ def fit_record(
             off by a first fit. Where it does not say, and a model of band-limited inputs leaves doubts, they
             are taken as held if that is the shorter description and leaves none (``hold_s`` of the model);
             if it is hardly the shorter one, a warning says so. Inputs in steps, and those that drive all
-            frequencies up to half the rate, are taken as held unless that is clearly the longer one.
+            frequencies up to half the rate, are taken as held unless that is clearly the longer one; so are
+            those that seem to turn residues of rates by half a sample, with a warning where it is longer.
         states: Order of the model without its delays. By default that of the minimum description length:
             of the record, or for a continuous model of a long one, of an estimated response.
         sampled: A sampled model, right for held inputs; or a continuous one, whose inputs are band-limited
@@ -263,6 +271,8 @@ def _fit_of_kind(
     made = fit(given, record)
     why = given_as_commands(given) if record.held is None else ""
     # Whoever struck a hammer measured its force: behind a hold only where the residual has its form.
+    if not why and record.held is None and input_noise is None:
+        why = BY_HALF if turned_by_half(made.fit, record.sample_hz) else ""
     asks = made.hold > TRIED or (made.fit.warnings and input_noise is None)
     if why or (record.held is None and asks):
         tell("the inputs as held ones")
@@ -275,10 +285,12 @@ def _fit_of_kind(
             shorter = min(made.length, made.with_delays) - other.length
             if shorter > (-UNDECIDED if why else UNDECIDED):
                 return taken_as_held(made.fit, other.fit, shorter, why, record.sample_hz)
-            if why != IN_STEPS:
+            if why not in {IN_STEPS, BY_HALF}:
                 return perhaps_held(made.fit, shorter, record.sample_hz)
         if why == IN_STEPS:
             return steps_as_not_held(made.fit, record.sample_hz)
+        if why == BY_HALF:
+            return turned_as_if_held(made.fit, record.sample_hz)
     return marked(made.fit, None if record.held is None else 0.0)
 
 
