@@ -182,11 +182,12 @@ def _driven(inputs: np.ndarray) -> Runs:
 def _struck(record: Record) -> bool:
     """Whether an input is the force of a hammer, whose blows are no faults."""
     for u, y in zip(record.u, record.y, strict=True):
-        inputs, outputs = ([_filled(x.ravel()) for x in np.moveaxis(samples, -1, 0)] for samples in (u, y))
-        outputs = np.stack(outputs, axis=1)
-        moving = (x for x in inputs if not is_dead(x))
-        if any(is_impact(x) and not moves_by_the_rest(x, outputs) for x in moving):
-            return True
+        sides = ([_filled(x.ravel()) for x in np.moveaxis(samples, -1, 0)] for samples in (u, y))
+        inputs, outputs = (np.stack(side, axis=1) for side in sides)
+        moving = inputs[:, [not is_dead(x) for x in inputs.T]]
+        for i, x in enumerate(moving.T):
+            if is_impact(x) and not moves_by_the_rest(x, np.delete(moving, i, axis=1), outputs):
+                return True
     return False
 
 

@@ -199,23 +199,27 @@ def is_impact(x: Signal) -> bool:
     return energy > IMPACTS * float(np.sum(swing**2))
 
 
-def moves_by_the_rest(x: Signal, outputs: Float[np.ndarray, "sample output"]) -> bool:
+def moves_by_the_rest(
+    x: Signal, others: Float[np.ndarray, "sample input"], outputs: Float[np.ndarray, "sample output"]
+) -> bool:
     """Whether an input moves an output beside its spikes and not by them: they are no blows of a hammer.
 
-    Between blows an output moves freely, and samples before predict it as well without the input. Where the
-    input improves that prediction, it shows what the output would do at a spike that was a force.
+    Between blows an output moves by what the other inputs do, and samples before predict it as well without
+    this one. Where it improves that prediction, it shows what the output would do at a spike that was a
+    force.
     """
     before = min(PREDICTED_FROM, len(x) // 16)
     rest = np.ones(len(x), dtype=bool)
     for a, b in _outside_runs(x, 0.0):
         rest[max(a - 2 * BESIDE, 0) : b + 2 * BESIDE] = False
     rows = np.all(_past(rest, before), axis=1)
-    if before < 4 or np.sum(rows) < 4 * before:
+    if before < 4 or np.sum(rows) < 2 * (2 + others.shape[1]) * before:
         return False
     beside = np.interp(np.arange(len(x)), np.flatnonzero(rest), x[rest])
     inputs = _past(x - x[rest].mean(), before), _past(beside - x[rest].mean(), before)
-    level = np.where(rest[:, None], outputs, 0.0).sum(axis=0) / np.sum(rest)
-    found = [_shares(_past(y, before), *inputs, rows) for y in (outputs - level).T]
+    others, outputs = (each - each[rest].mean(axis=0) for each in (others, outputs))
+    also = np.hstack([np.empty((len(rows), 0)), *(_past(v, before) for v in others.T)])
+    found = [_shares(_past(y, before), also, *inputs, rows) for y in outputs.T]
     gain, spiky, plain = np.array(found).T
     return bool(gain.max() > BETTER and spiky.sum() > BETTER * plain.sum())
 
@@ -226,17 +230,19 @@ def _past(x: np.ndarray, before: int) -> np.ndarray:
 
 
 def _shares(
-    y: np.ndarray, with_spikes: np.ndarray, without: np.ndarray, rows: np.ndarray
+    y: np.ndarray, also: np.ndarray, with_spikes: np.ndarray, without: np.ndarray, rows: np.ndarray
 ) -> tuple[float, float, float]:
-    """What predictions of an output leave, over what the one from itself and the input leaves on ``rows``.
+    """What predictions of an output leave, over what the one with the input leaves on ``rows``.
 
-    From itself alone on ``rows``; and on the others, the input with its spikes and without.
+    From itself and what is ``also`` known, on ``rows``; and on the others, the input with its spikes and
+    without.
     """
     known, at = np.flatnonzero(rows)[:MOST_ROWS], ~rows
-    last, own, both = y[known, -1], y[known, :-1], np.hstack([y[known, :-1], without[known]])
+    last, own = y[known, -1], np.hstack([y[known, :-1], also[known]])
+    both = np.hstack([own, without[known]])
     alone, weights = (_weights(columns, last) for columns in (own, both))
     left = float(np.mean((last - both @ weights) ** 2)) + np.finfo(float).tiny
-    on = (np.hstack([y[at, :-1], u[at]]) @ weights for u in (with_spikes, without))
+    on = (np.hstack([y[at, :-1], also[at], u[at]]) @ weights for u in (with_spikes, without))
     spiky, plain = (float(np.sum((y[at, -1] - told) ** 2)) for told in on)
     return float(np.mean((last - own @ alone) ** 2)) / left, spiky / left, plain / left
 
