@@ -42,8 +42,8 @@ DEAR = 6.0
 # Turns below which a motion is too slow for one of an article that forces shake; and how many
 # times what the best motion of the reversed record brings a motion must bring to be called a transient.
 SLOW, BACK = 2.0, 3.0
-# Radians by which the slowest motion turns or fades over the differences: below, it is a ramp or a parabola, whose
-# size, beside a ramp, nothing determines.
+# Radians by which the slowest motion turns or fades over the differences: below, it is a ramp or a parabola,
+# whose size, beside a ramp, nothing determines.
 SLOWEST = 1.0
 # Motions that are tried together where each alone is not worth its unknowns, and numbers up to which they
 # are: twelve take seconds there, and lines of a longer record are closer than its modes.
@@ -303,8 +303,8 @@ def _more(theta: np.ndarray, left: np.ndarray, target: np.ndarray, together: int
     for several in forth:
         due += 1
         if several.gain > 0.0:
-            for reverse in itertools.islice(back, due):  # to as many motions, or as many as are worth it
-                due = 0
+            # As many motions in reversed time, or as many as are worth it there.
+            reverse, due = [reverse, *itertools.islice(back, due)][-1], 0
             if several.gain > BACK * _likelihood(reverse):
                 return several
     return None

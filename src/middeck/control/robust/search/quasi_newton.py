@@ -46,9 +46,9 @@ def descend(
     """Descend until ``patience`` steps gain less than ``tolerance`` of the value, or the line search finds
     nothing lower.
 
-    BFGS knows the curvature of n parameters after n steps: near a saddle ten of them may gain next to nothing,
-    and last digits decide which ten. ``x`` must lie in the domain; an infinite value there is returned
-    unchanged.
+    BFGS knows the curvature of n parameters after n steps: near a saddle ten of them may gain next to
+    nothing, and last digits decide which ten. ``x`` must lie in the domain; an infinite value there is
+    returned unchanged.
     """
     value, gradient = objective(x)
     values = [value]
