@@ -49,7 +49,8 @@ SLOWEST = 1.0
 # are: twelve take seconds there, and lines of a longer record are closer than its modes.
 TOGETHER, FEW = 12, 20_000
 # What free motions may be at most in the first period, over the outputs: a few that nearly repeat with the
-# period cancel each other in the differences of periods, and may be any size.
+# period cancel each other in the differences of periods, and may be any size. Nor may they leave more than a
+# gain or a delay that changes would.
 LARGEST = 1.0
 # Part of a period that a delay may take, and deviations of noise beyond which a sample is no motion.
 LATEST, OUTSIDE = 4, 6.0
@@ -117,7 +118,10 @@ def _steadied(taken: Record) -> StartUp:
     size = np.where(size > 0.0, size, 1.0)  # an output that repeats to the digit
     target = _columns((z - z.mean(axis=1, keepdims=True)) / size)
     poles, left, is_free, late = _free_motions(target, samples, TOGETHER)
-    if len(poles) and _share(_motion(taken, poles, size, late)[0], taken) > LARGEST:
+    if len(poles) and (
+        _share(_motion(taken, poles, size, late)[0], taken) > LARGEST
+        or np.sum(left**2) > np.sum(_but_changes(target, taken) ** 2)
+    ):
         poles, left, is_free, late = _free_motions(target, samples, 1)
     own = left.reshape(-1, outputs) * size
     y, drifts, unknown = _without_ramps(taken.y, taken.outputs, poles)
@@ -179,6 +183,16 @@ def _motion(
     target = _columns(_differences(taken.y) / size)[late:]
     motion, unknown = _continued(poles, target, periods, samples)
     return np.moveaxis(motion.reshape(periods, samples, experiments, outputs), 2, 0) * size, unknown
+
+
+def _but_changes(target: Float[np.ndarray, "sample column"], taken: Record) -> np.ndarray:
+    """The differences less what a gain and a delay that change from each period to the next make of them."""
+    steady = _columns(taken.y.mean(axis=1))
+    left = target.reshape(-1, *steady.shape).copy()
+    for column, response in enumerate((steady - steady.mean(axis=0)).T):
+        Q, _ = np.linalg.qr(np.column_stack([response, np.gradient(response)]))
+        left[:, :, column] -= left[:, :, column] @ Q @ Q.T
+    return left
 
 
 def _share(motion: Float[np.ndarray, "experiment period sample output"], taken: Record) -> float:
