@@ -106,3 +106,28 @@ def test_blows_beside_a_shaker_are_none(campaign):
             force[start : start + 2] += rng.uniform(0.5, 1.5)
         read = force + 10.0 ** rng.uniform(-5.0, -2.0) * rng.standard_normal(1000)
         assert not [f for f in detect_faults(beside_a_shaker(force, read, seed)) if f.kind == "spike"]
+
+
+def test_a_wild_sample_is_a_spike_beside_the_command_of_its_input(campaign):
+    """The command told as much of the outputs, and the spike was taken for a blow: all passed in silence."""
+    for seed in campaign(40, 5):
+        rng = np.random.default_rng([75, seed])
+        force, at = rng.standard_normal(1000), int(rng.integers(20, 980))
+        read = force.copy()
+        read[at] += rng.choice([-1.0, 1.0]) * 10.0 ** rng.uniform(1.9, 3.0)
+        own, command = a_record(force, seed, read=read), a_record(2.0 * force, seed)
+        both = dataclasses.replace(
+            own, u=np.concatenate([own.u, command.u], axis=3), inputs=(*own.inputs, Port("command", "V"))
+        )
+        assert [f.channel for f in detect_faults(both) if f.kind == "spike"] == ["force"], seed
+
+
+def test_blows_that_a_shaker_disturbs_are_none(campaign):
+    """Crosstalk of the shaker predicts the outputs between the blows; these move them all the same."""
+    for seed in campaign(60, 5):
+        rng = np.random.default_rng([76, seed])
+        force, shaker = np.zeros(1000), np.random.default_rng([72, seed]).standard_normal(1000)
+        for start in rng.integers(0, 990, int(rng.choice([1, 2, 10]))):
+            force[start : start + 2] += rng.uniform(0.5, 1.5)
+        read = force + 1e-4 * rng.standard_normal(1000) + rng.choice([1e-3, 1e-2, 5e-2]) * shaker
+        assert not [f for f in detect_faults(beside_a_shaker(force, read, seed)) if f.kind == "spike"]

@@ -206,7 +206,8 @@ def moves_by_the_rest(
 
     Between blows an output moves by what the other inputs do, and samples before predict it as well without
     this one. Where it improves that prediction, it shows what the output would do at a spike that was a
-    force.
+    force. Beside a copy of it, as of its command, it improves nothing; then it does so without the others,
+    and no output may be off at the spikes.
     """
     before = min(PREDICTED_FROM, len(x) // 16)
     rest = np.ones(len(x), dtype=bool)
@@ -219,9 +220,17 @@ def moves_by_the_rest(
     inputs = _past(x - x[rest].mean(), before), _past(beside - x[rest].mean(), before)
     others, outputs = (each - each[rest].mean(axis=0) for each in (others, outputs))
     also = np.hstack([np.empty((len(rows), 0)), *(_past(v, before) for v in others.T)])
-    found = [_shares(_past(y, before), also, *inputs, rows) for y in outputs.T]
-    gain, spiky, plain = np.array(found).T
-    return bool(gain.max() > BETTER and spiky.sum() > BETTER * plain.sum())
+
+    def shares(known: np.ndarray) -> np.ndarray:
+        return np.array([_shares(_past(y, before), known, *inputs, rows) for y in outputs.T]).T
+
+    def moves(gain: np.ndarray, spiky: np.ndarray, plain: np.ndarray, _: np.ndarray) -> bool:
+        return bool(gain.max() > BETTER and spiky.sum() > BETTER * plain.sum())
+
+    found = shares(also)
+    if moves(*found) or not others.size:
+        return moves(*found)
+    return bool(found[3].max() < BETTER) and moves(*shares(also[:, :0]))
 
 
 def _past(x: np.ndarray, before: int) -> np.ndarray:
@@ -231,11 +240,11 @@ def _past(x: np.ndarray, before: int) -> np.ndarray:
 
 def _shares(
     y: np.ndarray, also: np.ndarray, with_spikes: np.ndarray, without: np.ndarray, rows: np.ndarray
-) -> tuple[float, float, float]:
+) -> tuple[float, float, float, float]:
     """What predictions of an output leave, over what the one with the input leaves on ``rows``.
 
     From itself and what is ``also`` known, on ``rows``; and on the others, the input with its spikes and
-    without.
+    without. The last is what the first leaves on the others, over that on ``rows``.
     """
     known, at = np.flatnonzero(rows)[:MOST_ROWS], ~rows
     last, own = y[known, -1], np.hstack([y[known, :-1], also[known]])
@@ -244,7 +253,9 @@ def _shares(
     left = float(np.mean((last - both @ weights) ** 2)) + np.finfo(float).tiny
     on = (np.hstack([y[at, :-1], also[at], u[at]]) @ weights for u in (with_spikes, without))
     spiky, plain = (float(np.sum((y[at, -1] - told) ** 2)) for told in on)
-    return float(np.mean((last - own @ alone) ** 2)) / left, spiky / left, plain / left
+    usual = float(np.mean((last - own @ alone) ** 2)) + np.finfo(float).tiny
+    there = float(np.mean((y[at, -1] - np.hstack([y[at, :-1], also[at]]) @ alone) ** 2))
+    return usual / left, spiky / left, plain / left, there / usual
 
 
 def _weights(columns: np.ndarray, last: np.ndarray) -> np.ndarray:
