@@ -27,6 +27,7 @@ from middeck.control.loop.closed_loop import close_loop
 from middeck.control.lqg.design import design_lqg
 from middeck.control.lqg.weights import LQGWeights
 from middeck.control.robust.designs.multimodel import design_multimodel
+from middeck.control.robust.search.stabilising_continuation import HELPS
 from middeck.control.robust.verification.monte_carlo import outcomes_on, verify_robustness, worst_db
 from middeck.errors import ConfigError, NotStabilisableError, NumericalError
 from middeck.signals.ports import Port
@@ -144,6 +145,12 @@ def test_three_models_hold_the_whole_grid_at_little_loss(three_models):
     best = [design_lqg(without_delays(p), WEIGHTS, AUTHORITY).cost for p in plants]
     assert np.all(three_models.costs > best)
     assert three_models.cost == pytest.approx(three_models.costs.mean())
+
+
+def test_the_last_descent_is_restarted_until_that_does_not_help(three_models):
+    last = [leg.cost for leg in three_models.history if leg.size == 1.0]
+    assert len(last) >= 2
+    assert last[-2] - last[-1] < HELPS * last[-2]
 
 
 @pytest.mark.parametrize(("order", "loss"), repeats([(4, 0.6), (8, 0.1)]))  # the levels

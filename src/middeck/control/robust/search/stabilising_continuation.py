@@ -22,12 +22,13 @@ from middeck.errors import ConfigError, NumericalError
 from middeck.values import record
 
 ROUGH, LOOSE, TIDY = 1e-4, 1e-5, 1e-7
-"""Relative gain in ten steps at which an intermediate descent ends, and one for comparison of starts."""
+"""Relative gains at which a rough descent ends, an intermediate one, and one for comparison of starts."""
 STEPS_ON_THE_WAY = 200
 SMALLEST_STEP = 1e-4
 """Smallest step of the size of the perturbations; below it the continuation counts as blocked."""
 ROUNDS, ROUND_STEPS = 40, 20
-RESTARTS = 4
+RESTARTS, HELPS = 3, 1e-6
+"""Restarts of the last descent, and the relative gain by which one helps."""
 FINALISTS = 3
 ENOUGH = 1.02
 """A start within two per cent of the lower bound of the cost ends the search for starts."""
@@ -66,13 +67,11 @@ def carry_on(problem: Problem, arrival: Arrival, power: float, tolerance: float)
     """Descend at full size, restarted in fresh coordinates as long as that helps."""
     stations = station_ports(problem.form, problem.nominal)
     models = models_of(problem, 1.0, 1.0)
+    arrival = _step(models, stations, arrival, power, tolerance, 1.0, to_the_end=True)
     for _ in range(RESTARTS):
-        before = arrival
+        before = arrival.history[-1].cost
         arrival = _step(models, stations, arrival, power, tolerance, 1.0, to_the_end=True)
-        if (
-            before.history
-            and before.history[-1].cost - arrival.history[-1].cost < 1e-6 * arrival.history[-1].cost
-        ):
+        if before - arrival.history[-1].cost < HELPS * before:
             break
     return arrival
 
