@@ -65,7 +65,11 @@ from middeck.identification.record_fit.record_spectra import (
     without_drift,
     without_trend,
 )
-from middeck.identification.record_fit.record_terms import record_lacks, record_scores
+from middeck.identification.record_fit.record_terms import (
+    record_lacks,
+    record_scores,
+    warnings_on_samples_before,
+)
 from middeck.identification.record_fit.refine_record import LIGHTEST, WEIGHTINGS, RecordRun, Weighting
 from middeck.identification.record_fit.sensor_or_force_noise import negative_log_likelihood, noise_variance
 from middeck.identification.record_fit.undeclared_hold import (
@@ -535,7 +539,9 @@ def _result(
     wrong = [*residual_growth.warnings_on_growth(record, score), *_undamped(lines, model, fit)]
     wrong += warnings_on_unlike(score_of_unlike_blows(measured, record, data, run, found_covariance, heard))
     wrong += warnings_on_two(fit)
-    if model.sample_hz is None:
+    if model.sample_hz:
+        wrong += warnings_on_samples_before(record, run, data, covariance, heard)
+    else:
         ends = float(lines.frequency_hz[0]), float(lines.frequency_hz[-1])
         wrong += folded_blows.warnings_on_folding(record, covariance, ends)
     leads = (fitted.delay_s < 0.0) & (uncertainty.delay_s > 0.0)

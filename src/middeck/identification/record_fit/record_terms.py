@@ -1,6 +1,6 @@
 """Terms that the model of a record lacks (`uncertainty.lacking_terms`), from the residual of its fit."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 from jaxtyping import Complex, Float
@@ -13,13 +13,24 @@ from middeck.identification.record_fit.refine_record import RecordRun
 from middeck.identification.record_fit.residual_tests import Heard, signals
 from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.identification.uncertainty.lacking_terms import (
+    TOLD,
     Lacking,
     LackingTerm,
     TermRows,
     TermScores,
+    joint_scores,
     lacking_of,
     term_scores,
     terms_of,
+)
+from middeck.signals.record import Record
+
+# Samples of an input, the present one among them, to which an output may answer beside its poles.
+BEFORE = 6
+OF_SAMPLES = (
+    "it answers to single samples of an input, present or before, as the model does not ({z:.0f} standard "
+    "deviations of noise): a delay, or modes that die out within a few samples; the stated standard "
+    "deviations are too small; take more states, or a continuous model (sampled=False)"
 )
 
 
@@ -40,28 +51,69 @@ def record_scores(
     heard: Heard | None = None,
 ) -> TermScores:
     """Scores of ``terms`` at the end of a fit of a record."""
-    model, structure = covariance.model, covariance.structure
-    each, residual = Rows(run, data, model, structure), run.residual(data)
-    H = model_response(model, data.omega / (2.0 * np.pi))
-    _, lines, columns = residual.shape
-    line = np.tile(np.repeat(np.arange(lines), 2), columns)
+    H = model_response(covariance.model, data.omega / (2.0 * np.pi))
+    residual = run.residual(data)
+
+    def lacking(o: int) -> Complex[np.ndarray, "term line column"]:
+        found = np.zeros((len(terms), *residual[o].shape), complex)
+        for k, term in enumerate(terms):
+            if term.kind != "drift":
+                found[k] = term.of(o, H[:, o, :, None] * data.U, data.s)
+            elif term.output == o:
+                found[k] = _drifting(data.H[o] - residual[o], data)
+        return found
+
+    return term_scores(lambda: _rows(lacking, run, data, covariance, heard), covariance)
+
+
+def warnings_on_samples_before(
+    record: Record, run: RecordRun, data: Data, covariance: ModelCovariance, heard: Heard
+) -> list[str]:
+    """Warnings for outputs that answer to single samples of an input as their sampled model does not.
+
+    A delay makes the response zero before it and a part of itself in the sample that it ends in: beside the
+    poles, terms in powers of 1/z, which a model follows by as many poles at zero.
+    """
+    outputs, inputs = covariance.model.direct.shape
+    of_output = np.repeat(np.arange(outputs), inputs * BEFORE)
+    late = data.a_sample_late[:, None] ** np.arange(BEFORE)
+    each = np.einsum("kn,kie->inke", late, data.U).reshape(inputs * BEFORE, *data.U.shape[::2])
+
+    def lacking(o: int) -> Complex[np.ndarray, "term line column"]:
+        return np.where((of_output == o)[:, None, None], np.tile(each, (outputs, 1, 1)), 0.0)
 
     def rows() -> Iterator[TermRows]:
-        for o, left in enumerate(residual):
-            J, own = each.of(o)
-            place = np.flatnonzero(J.any(axis=(1, 2)))
-            lacking = np.zeros((len(terms), *left.shape), complex)
-            for k, term in enumerate(terms):
-                if term.kind != "drift":
-                    lacking[k] = term.of(o, H[:, o, :, None] * data.U, data.s)
-                elif term.output == o:
-                    lacking[k] = _drifting(data.H[o] - left, data)
-            parts = (J[place], lacking, left[None])
-            slopes, by_terms, (rest,) = (own.removed(part) for part in parts)
-            noise = None if heard is None else parts_of_noise(heard[o], own, columns)
-            yield TermRows(place=place, slopes=slopes, terms=by_terms, left=rest, line=line, heard=noise)
+        return _rows(lacking, run, data, covariance, heard)
 
-    return term_scores(rows, covariance)
+    groups = [of_output == o for o in range(outputs)]
+    # A chi-squared variate as a normal one (Wilson and Hilferty 1931).
+    within = 2.0 / (9.0 * inputs * BEFORE)
+    share = joint_scores(rows, covariance, groups) / (inputs * BEFORE)
+    told = (np.cbrt(share) - 1.0 + within) / np.sqrt(within)
+    return [
+        f"output {port.name}: {OF_SAMPLES.format(z=z)}"
+        for port, z in zip(record.outputs, told, strict=True)
+        if z > TOLD
+    ]
+
+
+def _rows(
+    lacking: Callable[[int], Complex[np.ndarray, "term line column"]],
+    run: RecordRun,
+    data: Data,
+    covariance: ModelCovariance,
+    heard: Heard | None,
+) -> Iterator[TermRows]:
+    """Rows of each output by the unknowns and by the terms that are ``lacking``, without transients."""
+    each, residual = Rows(run, data, covariance.model, covariance.structure), run.residual(data)
+    _, lines, columns = residual.shape
+    line = np.tile(np.repeat(np.arange(lines), 2), columns)
+    for o, left in enumerate(residual):
+        J, own = each.of(o)
+        place = np.flatnonzero(J.any(axis=(1, 2)))
+        slopes, terms, (rest,) = (own.removed(part) for part in (J[place], lacking(o), left[None]))
+        noise = None if heard is None else parts_of_noise(heard[o], own, columns)
+        yield TermRows(place=place, slopes=slopes, terms=terms, left=rest, line=line, heard=noise)
 
 
 def parts_of_noise(
