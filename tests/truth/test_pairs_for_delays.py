@@ -8,7 +8,12 @@ from scipy.signal import cont2discrete, lfilter
 
 from middeck.identification.fit.fit_response import fit_response
 from middeck.identification.fit.modes_that_stand_for_delay import stands_for_delay
-from middeck.identification.model.measurement_model import MeasurementModel, model_response, natural_hz
+from middeck.identification.model.measurement_model import (
+    MeasurementModel,
+    damping_ratio,
+    model_response,
+    natural_hz,
+)
 from middeck.identification.record_fit.fit_record import fit_record
 from middeck.identification.spectra.estimate import estimate_response
 from middeck.signals.ports import Port
@@ -41,12 +46,15 @@ def warnings_of(fitted):
 def test_a_damped_pair_of_a_sampled_model_that_stands_for_a_delay_is_no_sound_mode():
     fitted = fit_record(held([(6.0, 0.01)], 3), states=4, sampled=True)
     light = int(np.argmin(np.abs(natural_hz(fitted.model) - 6.0)))
-    assert fitted.standing[light] == "sound"
-    assert [s for m, s in enumerate(fitted.standing) if m != light and fitted.model.is_pair[m]] == [
-        "doubtful"
-    ]
+    assert abs(natural_hz(fitted.model)[light] - 6.0) < 4.0 * fitted.uncertainty.natural_hz[light]
+    assert abs(damping_ratio(fitted.model)[light] - 0.01) < 4.0 * fitted.uncertainty.damping[light]
+    # A pair follows three samples of delay within a thousandth: of the light mode's constants, 2 to 4
+    # deviations.
+    assert set(fitted.standing) == {"doubtful"}
+    assert any("answers to single samples" in w for w in fitted.warnings)
     # Three samples, and what the hold makes of a displacement: within a sample of it.
     (warning,) = warnings_of(fitted)
+    assert warning.startswith("poles at 20")
     assert float(warning.split("delay of about ")[1].split()[0]) == pytest.approx(30.0, abs=10.0)
 
 

@@ -53,7 +53,8 @@ def second_modes(
             yield TermRows(place=entry.place, slopes=slopes, terms=own, left=rest, line=line)
 
     of_mode = np.tile(np.repeat(np.arange(len(modes)), len(PARTS)), outputs)
-    scores = joint_scores(rows, covariance, [of_mode == k for k in range(len(modes))])
+    groups = [of_mode == k for k in range(len(modes))]
+    scores = joint_scores(rows, covariance, groups).squares
     chance = scipy.stats.chi2.sf(scores, len(PARTS) * outputs)
     return [m for m, p in zip(modes, chance, strict=True) if p < BY_CHANCE]
 

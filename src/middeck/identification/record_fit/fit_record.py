@@ -66,9 +66,9 @@ from middeck.identification.record_fit.record_spectra import (
     without_trend,
 )
 from middeck.identification.record_fit.record_terms import (
+    lacks_samples_before,
     record_lacks,
     record_scores,
-    warnings_on_samples_before,
 )
 from middeck.identification.record_fit.refine_record import LIGHTEST, WEIGHTINGS, RecordRun, Weighting
 from middeck.identification.record_fit.sensor_or_force_noise import negative_log_likelihood, noise_variance
@@ -95,7 +95,7 @@ from middeck.identification.record_fit.warnings_on_two_modes import (
 from middeck.identification.search.fit_warnings import warnings_on_deviations, words_on_terms_beyond
 from middeck.identification.search.leading_outputs import causal_delay, warnings_on_leads
 from middeck.identification.spectra.estimate import as_periods, estimate_response
-from middeck.identification.uncertainty.lacking_terms import NOTHING, LackingTerm
+from middeck.identification.uncertainty.lacking_terms import LackingTerm
 from middeck.identification.uncertainty.parameter_deviations import uncertainty_of
 from middeck.signals.excitation.driven_band import driven_band, floor_variance, folded_power
 from middeck.signals.record import Record
@@ -535,13 +535,14 @@ def _result(
         *_warnings_on_inputs(record, power.mean(axis=0), folded.mean(axis=0) > noise, moves),
     ]
     said += warnings_on_deviations(lines, covariance, of_samples=True)
-    lacks = NOTHING if fitted.sample_hz else record_lacks(run, data, covariance, heard)
+    if fitted.sample_hz:
+        lacks = lacks_samples_before(record, run, data, covariance, heard)
+    else:
+        lacks = record_lacks(run, data, covariance, heard)
     wrong = [*residual_growth.warnings_on_growth(record, score), *_undamped(lines, model, fit)]
     wrong += warnings_on_unlike(score_of_unlike_blows(measured, record, data, run, found_covariance, heard))
     wrong += warnings_on_two(fit)
-    if model.sample_hz:
-        wrong += warnings_on_samples_before(record, run, data, covariance, heard)
-    else:
+    if model.sample_hz is None:
         ends = float(lines.frequency_hz[0]), float(lines.frequency_hz[-1])
         wrong += folded_blows.warnings_on_folding(record, covariance, ends)
     leads = (fitted.delay_s < 0.0) & (uncertainty.delay_s > 0.0)

@@ -13,6 +13,7 @@ from middeck.identification.record_fit.refine_record import RecordRun
 from middeck.identification.record_fit.residual_tests import Heard, signals
 from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.identification.uncertainty.lacking_terms import (
+    NOTHING,
     TOLD,
     Lacking,
     LackingTerm,
@@ -20,6 +21,7 @@ from middeck.identification.uncertainty.lacking_terms import (
     TermScores,
     joint_scores,
     lacking_of,
+    moved_by,
     term_scores,
     terms_of,
 )
@@ -66,10 +68,10 @@ def record_scores(
     return term_scores(lambda: _rows(lacking, run, data, covariance, heard), covariance)
 
 
-def warnings_on_samples_before(
+def lacks_samples_before(
     record: Record, run: RecordRun, data: Data, covariance: ModelCovariance, heard: Heard
-) -> list[str]:
-    """Warnings for outputs that answer to single samples of an input as their sampled model does not.
+) -> Lacking:
+    """Outputs that answer to single samples of an input as their sampled model does not.
 
     A delay makes the response zero before it and a part of itself in the sample that it ends in: beside the
     poles, terms in powers of 1/z, which a model follows by as many poles at zero.
@@ -88,13 +90,13 @@ def warnings_on_samples_before(
     groups = [of_output == o for o in range(outputs)]
     # A chi-squared variate as a normal one (Wilson and Hilferty 1931).
     within = 2.0 / (9.0 * inputs * BEFORE)
-    share = joint_scores(rows, covariance, groups) / (inputs * BEFORE)
-    told = (np.cbrt(share) - 1.0 + within) / np.sqrt(within)
-    return [
-        f"output {port.name}: {OF_SAMPLES.format(z=z)}"
-        for port, z in zip(record.outputs, told, strict=True)
-        if z > TOLD
-    ]
+    found = joint_scores(rows, covariance, groups)
+    z = (np.cbrt(found.squares / (inputs * BEFORE)) - 1.0 + within) / np.sqrt(within)
+    told = np.flatnonzero(z > TOLD)
+    if not len(told):
+        return NOTHING
+    said = [f"output {record.outputs[o].name}: {OF_SAMPLES.format(z=z[o])}" for o in told]
+    return moved_by(said, found.of_modes[:, told].sum(axis=1), covariance.model)
 
 
 def _rows(

@@ -182,29 +182,54 @@ def term_scores(rows: Callable[[], Iterable[TermRows]], covariance: ModelCovaria
     spread = np.sum((rest[:, WIDTH:] - rest[:, :-WIDTH]) ** 2, axis=1) / WIDTH
     spread = np.sqrt(np.maximum(0.5 * power, spread) + np.sum(heard**2, axis=(1, 2)) / heard.shape[1])
     z = np.divide(value * power, spread, out=np.zeros(count), where=told)
-    known = np.linalg.norm(covariance.root, axis=1, keepdims=True)
-    moves = np.abs(follow * value) / np.maximum(known, np.finfo(float).tiny)
-    at = covariance.at
-    of_modes = np.zeros((len(at.sigma), count))
-    for m in range(len(at.sigma)):
-        own = np.concatenate([at.sigma[[m]], at.omega[[m]], at.b[m].ravel(), at.c[:, m].ravel()])
-        of_modes[m] = moves[own[own >= 0]].max(axis=0, initial=0.0)
+    moves = _in_deviations(follow * value, covariance)
+    of_modes, at = _of_modes(moves, covariance), covariance.at
     late = np.concatenate([at.delay, at.path.ravel()])
     most = np.vstack([of_modes, moves[late[late >= 0]]]).max(axis=0, initial=0.0)
     return TermScores(z, value, most, of_modes)
 
 
+def _in_deviations(
+    shifts: Float[np.ndarray, "unknown term"], covariance: ModelCovariance
+) -> Float[np.ndarray, "unknown term"]:
+    known = np.linalg.norm(covariance.root, axis=1, keepdims=True)
+    return np.abs(shifts) / np.maximum(known, np.finfo(float).tiny)
+
+
+def _of_modes(
+    moves: Float[np.ndarray, "unknown term"], covariance: ModelCovariance
+) -> Float[np.ndarray, "mode term"]:
+    """The most that an unknown of each mode moves."""
+    at = covariance.at
+    of_modes = np.zeros((len(at.sigma), moves.shape[1]))
+    for m in range(len(at.sigma)):
+        own = np.concatenate([at.sigma[[m]], at.omega[[m]], at.b[m].ravel(), at.c[:, m].ravel()])
+        of_modes[m] = moves[own[own >= 0]].max(axis=0, initial=0.0)
+    return of_modes
+
+
 def joint_score(rows: Callable[[], Iterable[TermRows]], covariance: ModelCovariance) -> float:
     """Square of the scores of all terms together: chi-squared of as many degrees of freedom as terms."""
-    return float(joint_scores(rows, covariance, [slice(None)])[0])
+    return float(joint_scores(rows, covariance, [slice(None)]).squares[0])
+
+
+class JointScores(NamedTuple):
+    """Squares of the scores of groups of terms, each term of a group beside the others.
+
+    Each square is chi-squared, of as many degrees as its group has terms. ``of_modes``: by how many of its
+    deviations the likeliest values of the group move an unknown of each mode.
+    """
+
+    squares: Float[np.ndarray, " group"]
+    of_modes: Float[np.ndarray, "mode group"]
 
 
 def joint_scores(
     rows: Callable[[], Iterable[TermRows]],
     covariance: ModelCovariance,
     groups: Sequence[Bool[np.ndarray, " term"] | slice],
-) -> Float[np.ndarray, " group"]:
-    """Square of the scores of each group of terms together: chi-squared, of as many degrees as it has terms.
+) -> JointScores:
+    """The scores of each group of terms together.
 
     Under noise of the assumed size, and that of the inputs beside it. ``rows`` are made anew twice, as for
     `term_scores`.
@@ -220,8 +245,12 @@ def joint_scores(
             each = apart.reshape(count, r.heard.shape[1], -1)
             heard = heard + np.einsum("ten,pen->tpe", each, r.heard)
     power += np.einsum("tpe,spe->ts", heard, heard) / heard.shape[1]
-    inverses = [np.linalg.pinv(power[own][:, own], rcond=APART, hermitian=True) for own in groups]
-    return np.array([score[own] @ P @ score[own] for own, P in zip(groups, inverses, strict=True)])
+    values, squares = np.zeros((count, len(groups))), np.zeros(len(groups))
+    for g, own in enumerate(groups):
+        values[own, g] = np.linalg.pinv(power[own][:, own], rcond=APART, hermitian=True) @ score[own]
+        squares[g] = score[own] @ values[own, g]
+    shifts = follow @ (values / size[:, None])
+    return JointScores(squares, _of_modes(_in_deviations(shifts, covariance), covariance))
 
 
 def _followed(
@@ -274,10 +303,15 @@ def lacking_of(terms: list[LackingTerm], found: TermScores, model: MeasurementMo
             value=found.value[k],
             z=z[k],
         )
-    modes = np.flatnonzero(found.of_modes[:, told].sum(axis=1) > MOVED)
+    return moved_by(list(said.values()), found.of_modes[:, told].sum(axis=1), model)
+
+
+def moved_by(said: list[str], of_modes: Float[np.ndarray, " mode"], model: MeasurementModel) -> Lacking:
+    """What a model lacks, with the modes that this moves by more than their deviations."""
+    modes = np.flatnonzero(of_modes > MOVED)
     f = ", ".join(f"{hz:.4g}" for hz in np.unique(natural_hz(model)[modes]))
     which = [f"modes at {f} Hz: doubtful, what the model lacks moves them by more than their deviations"]
-    return Lacking([*said.values(), *(which if len(modes) else [])], modes)
+    return Lacking([*said, *(which if len(modes) else [])], modes)
 
 
 def coupled_channel(term: LackingTerm, model: MeasurementModel, value: float) -> str:
